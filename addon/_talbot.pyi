@@ -1,0 +1,138 @@
+"""The native module: what Python may ask of the engine.
+
+Arrays are C-contiguous numpy arrays of exactly the dtype named; anything else raises TypeError, wrong lengths ValueError,
+impossible values `Error`. Memory is lent during the call and copied; the GIL is released while C++ works.
+Handles are small integers, valid until removed. Every edit stops a running render first; `start()` renders what was edited.
+"""
+
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+f32 = NDArray[np.float32]
+u32 = NDArray[np.uint32]
+i32 = NDArray[np.int32]
+u8 = NDArray[np.uint8]
+
+__version__: str
+embree_version: str
+python_abi: str
+
+class Error(RuntimeError): ...
+
+def compiled_instruction_sets() -> list[str]: ...
+def chosen_instruction_set() -> str:
+    """Raises Error when TALBOT_ISA asks for what the machine cannot run."""
+
+def check() -> None:
+    """Traces a known triangle and compares library versions; raises Error with one sentence when another Embree answers."""
+
+def denoiser_version(library_dirs: list[str]) -> str:
+    """ "2.3.3", or "" when Open Image Denoise is not found."""
+
+class Progress(TypedDict):
+    state: str  # idle, updating, rendering, paused, done, cancelled, failed
+    status: str
+    fraction: float
+    samples_done: int
+    samples_total: int
+    seconds: float
+    remaining: float  # -1: unknown
+    memory: int
+    memory_peak: int
+    image_version: int
+    pixel_size: int
+
+class MeshArrays(TypedDict, total=False):
+    """One mesh after modifiers. Required: positions, corner_vertices, triangle_corners. F = Blender's faces, C = corners, V = vertices, T = triangles."""
+
+    positions: f32  # (V, 3)
+    corner_vertices: u32  # (C,)
+    triangle_corners: u32  # (T, 3), Blender's loop triangles
+    triangle_faces: u32  # (T,)
+    face_materials: i32  # (F,)
+    face_smooth: u8  # (F,) 0 or 1
+    vertex_normals: f32  # (V, 3)
+    corner_normals: f32  # (C, 3)
+    attributes: list[tuple[str, str, bool, NDArray[Any]]]
+    # (name, "VERTEX" | "CORNER" | "FACE", is_color, f32 (n,) or (n, 2..4); for colours also u8 (n, 4) sRGB-encoded bytes)
+    active_uv: str
+    active_color: str
+    generated_offset: tuple[float, float, float]
+    generated_scale: tuple[float, float, float]
+
+class ObjectArrays(TypedDict, total=False):
+    """All objects and instances of the scene at once, n of them. Required: mesh, matrix."""
+
+    mesh: i32  # (n,) mesh handle
+    matrix: f32  # (n, 16) column-major, as foreach_get("matrix_world") gives it
+    name: i32  # (n,) index into `names`
+    names: list[str]
+    material_set: i32  # (n,) index into `material_sets`
+    material_sets: list[list[int]]  # shader handles by material slot, -1: none
+    visibility: u32  # (n,) bits camera 1, diffuse 2, glossy 4, transmission 8, volume 16, shadow 32
+    random: u32  # (n,)
+    pass_index: i32  # (n,)
+    color: f32  # (n, 4)
+    flags: u32  # (n,) bits is_instance 1, is_holdout 2, is_shadow_catcher 4
+    dupli_generated: f32  # (n, 3)
+    dupli_uv: f32  # (n, 2)
+    shading_offset: f32  # (n,)
+    geometry_offset: f32  # (n,)
+    attribute_set: i32  # (n,) index into `attribute_sets`, -1: none
+    attribute_sets: list[list[tuple[str, tuple[float, ...]]]]
+
+class Session:
+    def __init__(self) -> None: ...
+
+    # -- the scene. Dictionaries have the field names of engine/scene/scene.h (enums as their names, lower case with underscores:
+    # "blackman_harris", "perspective", "rectangle"); unknown keys raise KeyError, missing ones keep their defaults.
+    def set_settings(self, values: dict[str, Any]) -> None: ...
+    def set_camera(self, values: dict[str, Any]) -> None: ...  # to_world: 16 floats, column-major
+    def set_world(self, values: dict[str, Any]) -> None: ...
+    def set_passes(self, names: list[str]) -> None:
+        """Names: combined, depth, normal, position, uv, mist, object_index, material_index, diffuse_direct, ..., emission,
+        environment, denoising_albedo, denoising_normal, sample_count."""
+
+    def add_mesh(self, name: str, arrays: MeshArrays) -> int: ...
+    def set_mesh(self, handle: int, name: str, arrays: MeshArrays) -> None: ...
+    def remove_mesh(self, handle: int) -> None: ...
+    def set_objects(self, arrays: ObjectArrays) -> None:
+        """Replaces all objects."""
+    def set_object_matrices(self, matrix: f32) -> None:
+        """(n, 16): moves the objects of the last set_objects; nothing else changes."""
+    def set_lights(self, lights: list[dict[str, Any]]) -> None:
+        """Replaces all lamps."""
+    def add_shader(self, name: str, graph: dict[str, Any], values: dict[str, Any]) -> int:
+        """graph = {"nodes": [{"type", "name", "properties": {name: number | str | f32 array},
+                               "inputs": [(identifier, kind, value, hidden_value, from_node, from_output)],
+                               "outputs": [(identifier, kind, value)]}], "output_node": int}
+        kind: "FLOAT" "INT" "BOOL" "VECTOR" "COLOR" "SHADER"; value: float or tuple; from_node -1 when unlinked.
+        values: fields of scene::Shader (pass_index, sample_as_light, ...)."""
+    def set_shader(self, handle: int, name: str, graph: dict[str, Any], values: dict[str, Any]) -> None: ...
+    def remove_shader(self, handle: int) -> None: ...
+    def add_image(self, values: dict[str, Any]) -> int:
+        """Fields of scene::Image; bytes: bytes; pixels: f32 (h*w*4,)."""
+    def set_image(self, handle: int, values: dict[str, Any]) -> None: ...
+    def remove_image(self, handle: int) -> None: ...
+
+    # -- the render
+    def start(self) -> None: ...
+    def wait(self, milliseconds: int) -> bool:
+        """True when the session no longer runs (done, cancelled, failed)."""
+    def cancel(self) -> None: ...
+    def stop(self) -> None: ...
+    def pause(self, paused: bool) -> None: ...
+    def progress(self) -> Progress: ...
+    def statistics(self) -> dict[str, Any]: ...
+    def error(self) -> str: ...
+    def report(self) -> list[tuple[str, str, str, int]]:
+        """(level "info" | "warning" | "error", text, where, count)"""
+    def size(self) -> tuple[int, int]:
+        """Width and height of the rendered area."""
+    def read_pass(self, name: str) -> f32 | None:
+        """(height * width, channels), bottom row first; None before the first sample or when it was not asked for."""
+    def denoise(self, library_dirs: list[str]) -> f32 | None:
+        """Denoised Combined (height * width, 4); None, with a warning in the report, when it cannot."""
+    def dump(self, path: str) -> None: ...

@@ -1,0 +1,101 @@
+/// Everything that emits, in one table: lamps, emissive triangles, the world. Sampling picks an emitter by its estimated
+/// contribution at the shading point, then a point on it; `pdf` answers for the BSDF-sampled rays that hit it.
+///
+/// Two strata, each with its own sample and shadow ray at every vertex (no random choice where none is needed):
+///   Local    point, spot, area lamps and emissive meshes
+///   Distant  suns and the world's importance map (a constant world is not sampled: it comes with the BSDF ray)
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "base/error.h"
+#include "base/lanes.h"
+#include "base/pool.h"
+#include "geometry/accelerator.h"
+#include "shader/program.h"
+
+namespace talbot::light {
+
+enum class Stratum : uint8_t { Local, Distant };
+
+/// Emitters of a render, read-only while rendering. Built by `build_emitters`; layout in emitter_table.h.
+struct EmitterTable;
+struct EmitterTableDelete {
+    void operator()(EmitterTable*) const;
+};
+using EmitterTablePtr = std::unique_ptr<EmitterTable, EmitterTableDelete>;
+
+/// Flattens lamps, emissive triangles and the world (its importance map is made by running the background program).
+EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs,
+                               const shader::ShaderContext& context, WorkerPool& pool, Report& report, const std::atomic<bool>* cancel);
+
+/// For the integrator: what exists at all.
+struct EmitterSummary {
+    bool has_local = false;
+    bool has_distant = false;        ///< suns or a world map
+    bool has_visible_lamps = false;  ///< lamps that rays may hit (intersect_lamps is needed)
+    bool world_is_black = false;
+    bool world_is_constant = false;
+    Rgb constant_world;
+    int world_shader = -1;  ///< compiled shader index of the world, -1: black
+    uint32_t world_visibility = scene::kVisibleAll;
+};
+EmitterSummary summarize(const EmitterTable& table);
+
+/// Shading points that want light (n lanes).
+struct LightQuery {
+    ConstColumns3 p, n_s;
+    const float *pick_u = nullptr, *pick_v = nullptr, *u = nullptr, *v = nullptr;  ///< random pairs in [0,1)
+    const int32_t* bounce = nullptr;                                               ///< of the shading point (lamps' max_bounces)
+    const int32_t* receiver_flags = nullptr;                                       ///< reserved for light linking; may be null
+    int n = 0;
+};
+
+/// One light sample a lane.
+struct LightSamples {
+    Columns3 wi;                  ///< unit, towards the light
+    float* distance = nullptr;    ///< infinity for distant emitters
+    Columns3 radiance;            ///< emitted towards the point, divided by nothing
+    float* pdf = nullptr;         ///< per solid angle, selection included; 0: no sample. For delta emitters: selection probability alone, and radiance is
+                                  ///< intensity/d^2 or irradiance
+    uint8_t* is_delta = nullptr;  ///< no MIS: BSDF rays cannot find it
+    uint8_t* casts_shadow = nullptr;
+    int32_t* visibility = nullptr;      ///< scene::Visibility bits of the lamp: which kinds of lobe it lights
+    int32_t* emitter_object = nullptr;  ///< the object of an emissive triangle (-1: lamp, world)
+};
+
+inline namespace TALBOT_ISA {  // kernels
+
+/// Scratch (registers and spans) a worker lends to lookups that run programs: textured lamps, meshes, world.
+struct LightScratch {
+    float* registers = nullptr;  ///< max_registers * kSpan
+    shader::ShadingSpan span;    ///< columns of kSpan
+    float* columns = nullptr;    ///< kLightScratchColumns * kSpan floats
+};
+inline constexpr int kLightScratchColumns = 64;
+
+/// One light sample a lane from one stratum. n <= kSpan.
+void sample_emitters(const EmitterTable& table, Stratum stratum, const LightQuery& query, const shader::Programs& programs,
+                     const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out);
+
+/// Density (per solid angle, selection included) with which `sample_emitters` at `origin` would have chosen the surface point a BSDF ray hit:
+/// emissive triangle (object, primitive) at distance t with geometric normal n_g. 0 when it is not sampled.
+void pdf_triangles(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
+                   const int32_t* primitive, int n, float* pdf);
+
+/// The same for the world in `direction` (0 when the world is not sampled).
+void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, float* pdf);
+
+/// Lamps are not in the acceleration structure. Nearest visible lamp (area, sphere of point and spot) before t_max on each ray:
+/// emitter[i] = lamp index or -1, t[i] its distance. `visibility[i]` = mask of the ray's kind.
+void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
+                     int32_t* emitter, float* t);
+/// Radiance of that lamp towards the ray's origin and its sampling density there.
+void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
+                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf);
+/// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf; bsdf_pdf < 0: weight 1).
+void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance);
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light

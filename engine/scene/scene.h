@@ -1,0 +1,269 @@
+/// The scene: plain data with defaults in place and integer handles (an index into the vector of its kind; -1 is none).
+/// No behaviour; whoever edits it sets the dirty bit of what changed. Lengths in metres, angles in radians, light in
+/// Blender's own units as named. Everything is linear in the file's working space.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/vec.h"
+#include "scene/shader_graph.h"
+
+namespace talbot::scene {
+
+using Handle = int32_t;
+inline constexpr Handle kNone = -1;
+
+/// What kinds of ray see an object or lamp (bits). Blender's ray visibility.
+enum Visibility : uint32_t {
+    kVisibleCamera = 1,
+    kVisibleDiffuse = 2,
+    kVisibleGlossy = 4,
+    kVisibleTransmission = 8,
+    kVisibleVolume = 16,
+    kVisibleShadow = 32,
+    kVisibleAll = 63,
+};
+
+enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };
+
+/// A named value over a domain. Corner attributes are indexed by corner, face attributes by Blender's face.
+struct Attribute {
+    std::string name;  ///< Blender's name; "UVMap" and the like, Generated is "@generated" (vertex), tangents "@tangent:UVMap" (corner, 4 components, w = sign)
+    Domain domain = Domain::Vertex;
+    uint8_t components = 1;  ///< 1, 2, 3 or 4 floats an element
+    bool is_color = false;   ///< bytes already decoded to linear
+    std::vector<float> data;
+};
+
+/// Triangles after modifiers. Blender's own diagonals.
+struct Mesh {
+    std::string name;
+    std::vector<Vec3> positions;               ///< object space, one a vertex
+    std::vector<uint32_t> triangle_vertices;   ///< 3 a triangle
+    std::vector<uint32_t> triangle_corners;    ///< 3 a triangle, index into corners; empty when nothing is stored a corner
+    std::vector<uint32_t> triangle_faces;      ///< 1 a triangle; empty when triangles are faces
+    std::vector<uint16_t> triangle_materials;  ///< slot of the triangle; empty: all 0
+    std::vector<uint8_t> triangle_smooth;      ///< 1: interpolate normals; empty: all smooth
+    std::vector<Vec3> vertex_normals;          ///< unit, object space; used where smooth and no corner normals
+    std::vector<Vec3> corner_normals;          ///< unit; wins over vertex_normals; indexed by corner
+    std::vector<Attribute> attributes;
+    std::string active_uv;                            ///< name of the render UV map, "" when none
+    std::string active_color;                         ///< name of the render colour attribute
+    Vec3 generated_offset, generated_scale{1, 1, 1};  ///< generated = position * scale + offset, where there is no "@generated" attribute
+    size_t triangle_count() const { return triangle_vertices.size() / 3; }
+};
+
+/// One visible thing: a mesh placed in the world. Instances share the mesh; what many objects share is a handle, so that a million instances stay small.
+struct Object {
+    Handle name = kNone;  ///< into Scene::object_names
+    Handle mesh = kNone;
+    Handle material_set = kNone;   ///< into Scene::material_sets; missing materials are the default grey
+    Handle attribute_set = kNone;  ///< into Scene::object_attribute_sets (custom properties)
+    Affine to_world;
+    uint32_t visibility = kVisibleAll;
+    uint32_t random = 0;  ///< Blender's random_id; Object Info gives random / (2^32 - 1)
+    int32_t pass_index = 0;
+    float color[4] = {1, 1, 1, 1};  ///< Blender's viewport object colour (Object Info)
+    Vec3 dupli_generated;           ///< instances: generated coordinate and UV of the instancer
+    Vec2 dupli_uv;
+    bool is_instance = false;
+    bool is_holdout = false;
+    bool is_shadow_catcher = false;
+    float shadow_terminator_shading_offset = 0;
+    float shadow_terminator_geometry_offset = 0.1f;
+};
+
+/// Versions whose answers differ are numbers like Blender's: 304, 402, 405, 500, 502.
+using BlenderVersion = int;
+
+/// A material's, world's or lamp's surface shader.
+struct Shader {
+    std::string name;
+    ShaderGraph graph;
+    int32_t pass_index = 0;
+    bool sample_as_light = true;  ///< emission is light-sampled (3.4's sample_as_light; emission_sampling != NONE)
+    bool emission_front = true;   ///< which sides are light-sampled
+    bool emission_back = true;
+    bool use_transparent_shadow = true;
+    bool use_bump_map_correction = true;
+};
+
+enum class LightType : uint8_t { Point, Spot, Sun, Area };
+enum class AreaShape : uint8_t { Square, Rectangle, Disk, Ellipse };
+
+/// A lamp. Shines along its local -Z. Its radiance or intensity follows from `power` as the version of the settings says.
+struct Light {
+    std::string name;
+    LightType type = LightType::Point;
+    Affine to_world;
+    Rgb color{1, 1, 1};     ///< times temperature colour and 2^exposure where the version has them
+    float power = 10;       ///< W for point, spot and area; W/m2 for sun
+    bool normalize = true;  ///< power is spread over the area (4.x's switch)
+    float radius = 0;       ///< point and spot; m
+    bool soft_falloff = true;
+    float spot_angle = 0.785398f;  ///< full angle
+    float spot_blend = 0.15f;
+    float sun_angle = 0;  ///< full angle of the disc
+    AreaShape shape = AreaShape::Square;
+    float size_x = 1, size_y = 1;  ///< area, m, before the object's scale
+    float spread = kPi;
+    Handle shader = kNone;  ///< node tree; kNone: emission of 1
+    uint32_t visibility = kVisibleAll & ~kVisibleCamera;
+    bool cast_shadow = true;
+    bool use_mis = true;
+    bool is_portal = false;
+    int max_bounces = 1024;
+    int32_t light_group = 0;
+    uint32_t random = 0;
+};
+
+struct World {
+    Handle shader = kNone;  ///< kNone: black
+    uint32_t visibility = kVisibleAll;
+    bool use_importance_map = true;  ///< sampling_method != NONE
+    int map_resolution = 0;          ///< 0: automatic
+    int max_bounces = 1024;
+    bool sample_as_light = true;
+};
+
+enum class CameraType : uint8_t { Perspective, Orthographic, Panoramic };
+enum class PanoramaType : uint8_t {
+    Equirectangular,
+    EquiangularCubemap,
+    Mirrorball,
+    FisheyeEquidistant,
+    FisheyeEquisolid,
+    FisheyePolynomial,
+    CentralCylindrical
+};
+
+/// Looks along local -Z, +Y up. `view` is the film plane window in camera space at distance 1 (perspective) or in metres (orthographic):
+/// left, right, bottom, top of the whole frame; shift, sensor fit, pixel aspect and stereo are already in it.
+struct Camera {
+    CameraType type = CameraType::Perspective;
+    PanoramaType panorama = PanoramaType::Equirectangular;
+    Affine to_world;
+    float view[4] = {-0.5f, 0.5f, -0.28f, 0.28f};
+    float clip_start = 0.1f, clip_end = 1000;
+    float aperture_radius = 0;  ///< m; 0: pinhole
+    float focus_distance = 10;
+    int aperture_blades = 0;
+    float aperture_rotation = 0;
+    float aperture_ratio = 1;
+    float fov = kPi;  ///< fisheye
+    float lens_mm = 10.5f, sensor_width_mm = 36, sensor_height_mm = 24;
+    float latitude_min = -kPi / 2, latitude_max = kPi / 2, longitude_min = -kPi, longitude_max = kPi;
+    float polynomial[5] = {0, 0, 0, 0, 0};
+    float cylinder[5] = {-kPi, kPi, -1, 1, 1};  ///< u min, u max, v min, v max, radius
+};
+
+enum class AlphaMode : uint8_t { Straight, Premultiplied, ChannelPacked, None };
+
+/// An image file, a packed file's bytes, or pixels. Loaded once by `asset`, whoever uses it.
+struct Image {
+    std::string name;
+    std::string path;                 ///< file; with "<UDIM>" for tiles
+    std::vector<uint8_t> bytes;       ///< packed file; wins over path
+    std::vector<float> pixels;        ///< RGBA, bottom row first; wins over both (generated or painted)
+    int width = 0, height = 0;        ///< of `pixels`
+    bool pixels_are_float = false;    ///< generated: true = values are linear already; false = stored byte / 255 in `colorspace`
+    std::string colorspace = "sRGB";  ///< Blender's name, in the file's OpenColorIO config
+    AlphaMode alpha = AlphaMode::Straight;
+    std::vector<int> tiles;  ///< UDIM numbers; empty: no tiles
+};
+
+enum class PixelFilter : uint8_t { Box, Gaussian, BlackmanHarris };
+
+struct Settings {
+    BlenderVersion version = 502;                                 ///< whose node and light semantics hold
+    int width = 1920, height = 1080;                              ///< of the whole frame
+    int crop_x = 0, crop_y = 0, crop_width = 0, crop_height = 0;  ///< the part to render, from the bottom left; 0 width: all
+    int samples = 128;
+    int first_sample = 0;  ///< sample offset
+    uint32_t seed = 0;
+    float time_limit = 0;  ///< s, 0: none
+    bool adaptive = false;
+    float adaptive_threshold = 0.01f;
+    int adaptive_min_samples = 0;
+    int max_bounces = 12, diffuse_bounces = 4, glossy_bounces = 4, transmission_bounces = 12, volume_bounces = 0, transparent_bounces = 8;
+    int min_light_bounces = 0, min_transparent_bounces = 0;
+    float clamp_direct = 0, clamp_indirect = 10;  ///< UI values; 0: off
+    bool caustics_reflective = true, caustics_refractive = true;
+    float filter_glossy = 1;
+    float light_threshold = 0.01f;
+    PixelFilter filter = PixelFilter::BlackmanHarris;
+    float filter_width = 1.5f;  ///< pixels
+    float film_exposure = 1;
+    bool film_transparent = false, film_transparent_glass = false;
+    float film_transparent_roughness = 0.1f;
+    float mist_start = 5, mist_depth = 25;
+    int mist_falloff = 0;  ///< 0 quadratic, 1 linear, 2 inverse quadratic
+    bool use_emission_sampling = true;
+    int threads = 0;                       ///< 0: all
+    std::string ocio_config;               ///< path of Blender's config.ocio; "" : built-in sRGB and linear only
+    std::string working_space = "Linear";  ///< the config's scene_linear space, by name
+    std::string instruction_set;           ///< "" : the best
+    bool viewport = false;                 ///< interactive: instances instead of flattened geometry, coarse first passes
+};
+
+/// Passes that may be asked for; channels in brackets. Names are Blender's where it has one.
+enum class PassKind : uint8_t {
+    Combined,  ///< RGBA (4)
+    Depth,     ///< (1) first opaque hit of the first sample; 1e10 where empty
+    Normal,
+    Position,
+    Vector3Uv,  ///< (3)
+    Mist,
+    ObjectIndex,
+    MaterialIndex,  ///< (1)
+    DiffuseDirect,
+    DiffuseIndirect,
+    DiffuseColor,
+    GlossyDirect,
+    GlossyIndirect,
+    GlossyColor,
+    TransmissionDirect,
+    TransmissionIndirect,
+    TransmissionColor,
+    Emission,
+    Environment,  ///< (3)
+    DenoisingAlbedo,
+    DenoisingNormal,  ///< (3)
+    SampleCount,      ///< (1)
+};
+
+enum Dirty : uint32_t {
+    kDirtyMeshes = 1,
+    kDirtyObjects = 2,
+    kDirtyLights = 4,
+    kDirtyWorld = 8,
+    kDirtyShaders = 16,
+    kDirtyImages = 32,
+    kDirtyCamera = 64,
+    kDirtySettings = 128,
+    kDirtyPasses = 256,
+    kDirtyAll = 511,
+};
+
+/// Slots of removed things stay, empty, so that handles remain valid.
+struct Scene {
+    Settings settings;
+    Camera camera;
+    World world;
+    std::vector<std::shared_ptr<const Mesh>> meshes;  ///< null: removed
+    std::vector<Object> objects;                      ///< mesh == kNone: removed
+    std::vector<std::string> object_names;
+    std::vector<std::vector<Handle>> material_sets;             ///< shader of each material slot
+    std::vector<std::vector<Attribute>> object_attribute_sets;  ///< Domain::Object, one element each
+    std::vector<Light> lights;
+    std::vector<Shader> shaders;
+    std::vector<std::shared_ptr<const Image>> images;
+    std::vector<PassKind> passes{PassKind::Combined};
+    uint32_t dirty = kDirtyAll;
+    std::vector<Handle> dirty_meshes;  ///< which meshes changed, when kDirtyMeshes alone would say too much
+};
+
+}  // namespace talbot::scene

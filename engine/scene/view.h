@@ -1,0 +1,81 @@
+/// The scene as kernels see it: raw pointers into the scene's vectors, fixed for one render. Built by
+/// `make_scene_view` after every edit; owns only the small tables.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "base/vec.h"
+#include "scene/scene.h"
+
+namespace talbot::scene {
+
+/// Index into SceneView::attribute_names. Interned over all meshes and shaders.
+using AttributeId = int32_t;
+
+struct AttributeView {
+    const float* data = nullptr;  ///< null: the mesh has no such attribute
+    Domain domain = Domain::Vertex;
+    uint8_t components = 0;
+    bool is_color = false;
+};
+
+struct MeshView {
+    const Vec3* positions = nullptr;
+    const uint32_t* triangle_vertices = nullptr;
+    const uint32_t* triangle_corners = nullptr;    ///< null: none
+    const uint32_t* triangle_faces = nullptr;      ///< null: identity
+    const uint16_t* triangle_materials = nullptr;  ///< null: 0
+    const uint8_t* triangle_smooth = nullptr;      ///< null: all smooth
+    const Vec3* vertex_normals = nullptr;
+    const Vec3* corner_normals = nullptr;
+    const AttributeView* attributes = nullptr;  ///< SceneView::attribute_count entries
+    Vec3 generated_offset, generated_scale;
+    uint32_t triangle_count = 0;
+};
+
+struct ObjectView {
+    Affine to_world, to_object;
+    int32_t mesh = -1;
+    uint32_t visibility = 0;
+    int32_t material_offset = 0;  ///< shader of slot s: SceneView::material_slots[material_offset + min(s, material_count - 1)]
+    int32_t material_count = 0;
+    float color[4] = {1, 1, 1, 1};
+    int32_t pass_index = 0;
+    uint32_t random = 0;
+    Vec3 dupli_generated;
+    Vec2 dupli_uv;
+    bool negative_scale = false;
+    bool is_holdout = false, is_shadow_catcher = false, is_instance = false;
+    float shading_offset = 0, geometry_offset = 0.1f;
+    const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
+};
+
+struct SceneView {
+    const ObjectView* objects = nullptr;
+    int32_t object_count = 0;
+    const MeshView* meshes = nullptr;
+    const int32_t* material_slots = nullptr;  ///< shader handle; a missing material is the default shader (see SceneTables::default_shader)
+    int32_t attribute_count = 0;
+    const Settings* settings = nullptr;
+    const Camera* camera = nullptr;
+};
+
+/// Owns what a SceneView points into, besides the scene's own vectors.
+struct SceneTables {
+    SceneView view;
+    std::vector<ObjectView> objects;
+    std::vector<MeshView> meshes;
+    std::vector<AttributeView> attributes;
+    std::vector<int32_t> material_slots;
+    std::vector<std::string> attribute_names;  ///< index = AttributeId; the compiler adds the names that shaders ask for
+    std::vector<std::shared_ptr<const Mesh>> keep_alive;
+    AttributeId attribute_id(const std::string& name);  ///< interns
+};
+
+/// `default_shader`: handle of the grey shader that stands for missing materials.
+/// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.
+void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables);
+
+}  // namespace talbot::scene

@@ -1,0 +1,74 @@
+/// A session renders one scene: edits -> update plan -> workers -> film. Any number of sessions live side by side. The
+/// caller's thread never blocks but in `wait` and `stop`.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "scene/scene.h"
+
+namespace talbot {
+
+enum class SessionState : uint8_t { Idle, Updating, Rendering, Paused, Done, Cancelled, Failed };
+
+struct Progress {
+    SessionState state = SessionState::Idle;
+    std::string status;  ///< "Building BVH", "Sample 12/128"
+    float fraction = 0;  ///< of the render
+    int samples_done = 0, samples_total = 0;
+    double seconds = 0;                  ///< since start
+    double remaining = -1;               ///< s, -1: unknown
+    size_t memory = 0, memory_peak = 0;  ///< bytes of the scene, BVH, textures, film
+    uint64_t image_version = 0;          ///< grows when the film holds something new
+    int pixel_size = 1;                  ///< > 1: a coarse preview is on the film
+};
+
+struct Statistics {
+    double update_seconds = 0, compile_seconds = 0, textures_seconds = 0, bvh_seconds = 0, lights_seconds = 0, render_seconds = 0;
+    uint64_t camera_rays = 0, bounce_rays = 0, shadow_rays = 0, paths = 0;
+    std::string instruction_set;
+    size_t triangles = 0, instanced_triangles = 0, bvh_bytes = 0, texture_bytes = 0, film_bytes = 0;
+};
+
+class Session {
+public:
+    Session();
+    ~Session();  ///< stops and joins
+
+    /// The scene, for editing. Stops the workers first (within 200 ms); set the dirty bits. Do not call while another thread edits.
+    scene::Scene& edit();
+    /// Updates what is dirty and renders in the background. Errors appear in `progress().state == Failed` and `error()`.
+    void start();
+    /// Waits until done, failed, cancelled, or `milliseconds` have passed. True when the session is no longer running.
+    bool wait(int milliseconds);
+    void cancel();  ///< asks; returns at once
+    void stop();    ///< asks and joins
+    void pause(bool paused);
+
+    Progress progress() const;
+    Statistics statistics() const;
+    std::string error() const;
+    Report& report();
+
+    int width() const;  ///< of the rendered area
+    int height() const;
+    /// Current mean of a pass: width*height*channels, bottom row first. Returns false when the pass was not asked for or nothing is rendered yet.
+    bool read_pass(scene::PassKind kind, std::vector<float>& out) const;
+
+    /// Denoises Combined with albedo and normal guides (asked for as passes). Blocks; false with a report line when it cannot.
+    bool denoise(const std::vector<std::string>& library_dirs, std::vector<float>& rgba_out);
+
+    struct State;
+
+private:
+    std::unique_ptr<State> state_;
+};
+
+/// Writes and reads a whole scene (versioned binary; images and packed files included), for talbot-cli. Throws Error.
+void dump_scene(const scene::Scene& scene, const std::string& path);
+scene::Scene load_scene(const std::string& path);
+
+}  // namespace talbot

@@ -1,0 +1,79 @@
+/// Node programs: a shader graph compiled to a list of operations over columns.
+///
+/// A register is a column of kSpan floats in the worker's scratch; a vector is three registers in a row. Registers hold raw 32-bit values: handles
+/// and enums travel as integers in float columns. Materials that differ in constants only share a program: constants sit in one table and
+/// an operation fetches lane i's value at constants[span.constants[i] + k].
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "closure/closure.h"
+#include "shader/op.h"
+#include "shader/shading.h"
+
+namespace talbot::shader {
+
+inline constexpr int kMaxOperands = 40;
+
+/// One operation over a span. `in` and `out` are register numbers (first of three for vectors); meaning by op, see the
+/// op's line in op.h. `data` indexes Program::immediates (enums, table offsets), op by op.
+struct Instruction {
+    Op op = Op::Constant;
+    uint8_t variant = 0;  ///< enum of the node where it has one (math operation, blend mode ...), compiled into the choice of loop
+    uint16_t out = 0;
+    uint32_t operands = 0;  ///< offset into Program::operands; how many is the op's
+    uint32_t data = 0;      ///< offset into Program::immediates
+};
+
+struct Program {
+    std::vector<Instruction> code;
+    std::vector<uint16_t> operands;
+    std::vector<uint32_t> immediates;  ///< uniform over the program: enums, attribute ids, offsets into Programs::tables
+    std::vector<ClosureSlot> slots;    ///< surface programs
+    uint16_t emission = 0;             ///< first of 3 registers: radiance towards the viewer; kNoRegister when there is none
+    uint16_t transparency = 0;         ///< first of 3 registers: transparent closure's weight, for shadow rays; kNoRegister: opaque
+    int register_count = 0;
+    std::string name;  ///< of the first material that uses it, for reports
+};
+inline constexpr uint16_t kNoRegister = 0xffff;
+
+/// What a shader becomes: up to three programs that share nothing but constants, each holding only what its outputs need.
+struct CompiledShader {
+    int surface = -1;       ///< index into Programs::programs: all closures
+    int emission = -1;      ///< emission only; also the background's and the lamp's program; -1: none
+    int transparency = -1;  ///< transparency only (shadow rays); -1: opaque
+    int32_t constants = 0;  ///< offset of this shader's constants
+    bool emission_is_constant = false;
+    Rgb constant_emission;        ///< when constant (already times strength)
+    float emission_estimate = 0;  ///< rough mean radiance, for light selection and for whether to sample at all
+    bool transparency_is_constant = false;
+    Rgb constant_transparency;
+    bool depends_on_ray_flags = false;  ///< Light Path, Is Camera Ray ...: shadow and light evaluation differ from camera rays
+    bool spatially_varying = false;
+    bool has_bump = false;
+    int32_t pass_index = 0;
+    bool sample_as_light = true, emission_front = true, emission_back = true;
+    bool use_transparent_shadow = true;
+};
+
+/// All programs of a scene, read-only while rendering.
+struct Programs {
+    std::vector<std::unique_ptr<const Program>> programs;
+    std::vector<CompiledShader> shaders;  ///< by shader handle; one more at the end: the default grey
+    std::vector<float> constants;         ///< raw 32-bit values
+    std::vector<float> tables;            ///< colour ramps, curves, albedo tables
+    int default_shader = 0;
+    int max_registers = 0;
+    int max_slots = 0;
+};
+
+inline namespace TALBOT_ISA {  // kernels
+
+/// Runs the program over the span. `registers` = register_count columns of kSpan floats, one after another.
+void run_program(const Program& program, const Programs& programs, const ShadingSpan& span, const ShaderContext& context, float* registers);
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::shader
