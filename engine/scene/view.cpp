@@ -1,0 +1,105 @@
+#include "scene/view.h"
+
+#include <algorithm>
+
+namespace talbot::scene {
+namespace {
+
+void view_attributes(const std::vector<Attribute>& from, const std::vector<std::string>& names, AttributeView* out) {
+    for (size_t id = 0; id < names.size(); ++id) {
+        const auto found = std::find_if(from.begin(), from.end(), [&](const Attribute& a) { return a.name == names[id]; });
+        if (found == from.end() || found->data.empty()) continue;
+        out[id] = {found->data.data(), found->domain, found->components, found->is_color};
+    }
+}
+
+template <typename T>
+const T* data_or_null(const std::vector<T>& v) {
+    return v.empty() ? nullptr : v.data();
+}
+
+}  // namespace
+
+AttributeId SceneTables::attribute_id(const std::string& name) {
+    const auto found = std::find(attribute_names.begin(), attribute_names.end(), name);
+    if (found != attribute_names.end()) return AttributeId(found - attribute_names.begin());
+    attribute_names.push_back(name);
+    return AttributeId(attribute_names.size() - 1);
+}
+
+void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables) {
+    const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
+    tables.keep_alive.clear();
+    for (const auto& mesh : scene.meshes) {
+        if (mesh) tables.keep_alive.push_back(mesh);
+    }
+
+    // One row of attribute views a mesh, then one an attribute set of objects.
+    tables.attributes.assign((meshes + sets) * names, {});
+    const auto row = [&](size_t i) { return names == 0 ? nullptr : tables.attributes.data() + i * names; };
+    tables.meshes.assign(meshes, {});
+    for (size_t i = 0; i < meshes; ++i) {
+        if (!scene.meshes[i]) continue;
+        const Mesh& mesh = *scene.meshes[i];
+        view_attributes(mesh.attributes, tables.attribute_names, row(i));
+        MeshView& out = tables.meshes[i];
+        out.positions = data_or_null(mesh.positions);
+        out.triangle_vertices = data_or_null(mesh.triangle_vertices);
+        out.triangle_corners = data_or_null(mesh.triangle_corners);
+        out.triangle_faces = data_or_null(mesh.triangle_faces);
+        out.triangle_materials = data_or_null(mesh.triangle_materials);
+        out.triangle_smooth = data_or_null(mesh.triangle_smooth);
+        out.vertex_normals = data_or_null(mesh.vertex_normals);
+        out.corner_normals = data_or_null(mesh.corner_normals);
+        out.attributes = row(i);
+        out.generated_offset = mesh.generated_offset;
+        out.generated_scale = mesh.generated_scale;
+        out.triangle_count = uint32_t(mesh.triangle_count());
+    }
+    for (size_t i = 0; i < sets; ++i) view_attributes(scene.object_attribute_sets[i], tables.attribute_names, row(meshes + i));
+
+    // Slots of all material sets in a row; the first one stands for objects without a set.
+    tables.material_slots.assign(1, default_shader);
+    std::vector<std::pair<int32_t, int32_t>> ranges;
+    for (const std::vector<Handle>& set : scene.material_sets) {
+        const int32_t offset = int32_t(tables.material_slots.size());
+        for (Handle shader : set) tables.material_slots.push_back(shader >= 0 && size_t(shader) < scene.shaders.size() ? shader : default_shader);
+        ranges.emplace_back(set.empty() ? 0 : offset, std::max(int32_t(set.size()), 1));
+    }
+
+    tables.objects.assign(scene.objects.size(), {});
+    for (size_t i = 0; i < scene.objects.size(); ++i) {
+        const Object& object = scene.objects[i];
+        ObjectView& out = tables.objects[i];
+        const bool exists = object.mesh >= 0 && size_t(object.mesh) < meshes && scene.meshes[size_t(object.mesh)];
+        out.to_world = object.to_world;
+        out.to_object = inverse(object.to_world);
+        out.mesh = exists ? object.mesh : kNone;
+        out.visibility = exists ? object.visibility : 0;
+        const bool has_set = object.material_set >= 0 && size_t(object.material_set) < ranges.size();
+        out.material_offset = has_set ? ranges[size_t(object.material_set)].first : 0;
+        out.material_count = has_set ? ranges[size_t(object.material_set)].second : 1;
+        std::copy(object.color, object.color + 4, out.color);
+        out.pass_index = object.pass_index;
+        out.random = object.random;
+        out.dupli_generated = object.dupli_generated;
+        out.dupli_uv = object.dupli_uv;
+        out.negative_scale = determinant(object.to_world) < 0;
+        out.is_holdout = object.is_holdout;
+        out.is_shadow_catcher = object.is_shadow_catcher;
+        out.is_instance = object.is_instance;
+        out.shading_offset = object.shadow_terminator_shading_offset;
+        out.geometry_offset = object.shadow_terminator_geometry_offset;
+        if (object.attribute_set >= 0 && size_t(object.attribute_set) < sets) out.attributes = row(meshes + size_t(object.attribute_set));
+    }
+
+    tables.view.objects = data_or_null(tables.objects);
+    tables.view.object_count = int32_t(tables.objects.size());
+    tables.view.meshes = data_or_null(tables.meshes);
+    tables.view.material_slots = tables.material_slots.data();
+    tables.view.attribute_count = int32_t(names);
+    tables.view.settings = &scene.settings;
+    tables.view.camera = &scene.camera;
+}
+
+}  // namespace talbot::scene
