@@ -70,7 +70,7 @@ struct SceneTables {
     std::vector<AttributeView> attributes;
     std::vector<int32_t> material_slots;
     std::vector<std::string> attribute_names;  ///< index = AttributeId; the compiler adds the names that shaders ask for
-    std::vector<std::shared_ptr<const Mesh>> keep_alive;
+    std::vector<std::shared_ptr<const Mesh>> keep_alive;  ///< by mesh handle, like `meshes`; null where the mesh was removed
     AttributeId attribute_id(const std::string& name);  ///< interns
 };
 
