@@ -1,0 +1,10 @@
+"""Entry of `./talbot`, once the packages are there: reads the command line and calls one module of `launcher/` per command."""
+
+from __future__ import annotations
+
+import sys
+
+from launcher.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

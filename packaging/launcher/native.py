@@ -1,0 +1,122 @@
+"""Configures and builds the native part, and lays the add-on out for Blender in build/stage."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from launcher.common import BUILD, ROOT, STAGE, LauncherError, say
+
+STEP = re.compile(r"^\[(\d+)/(\d+)\] ")
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """One build at a time in a directory, also when two launchers run."""
+    directory.mkdir(parents=True, exist_ok=True)
+    with open(directory / ".lock", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def configure(build: Path, options: list[str]) -> None:
+    """Runs CMake once; afterwards ninja runs it again by itself when needed. `options` are for the first time only."""
+    if (build / "build.ninja").exists():
+        return
+    command = ["cmake", "-S", str(ROOT), "-B", str(build), "-G", "Ninja", *options]
+    if not any(option.startswith("-DCMAKE_BUILD_TYPE") for option in options):
+        command.append("-DCMAKE_BUILD_TYPE=Release")
+    if os.path.exists(SYSTEM_PYTHON):
+        # The module is for Blender's Python, which on Debian is the system's, whatever comes first in PATH.
+        command += [f"-DPython_EXECUTABLE={SYSTEM_PYTHON}", f"-DPYTHON_EXECUTABLE={SYSTEM_PYTHON}"]
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    (build / "configure.log").write_text(result.stdout)
+    if result.returncode != 0:
+        raise LauncherError(result.stdout + f"\nCMake failed. The log is {build}/configure.log.")
+
+
+def run_ninja(build: Path, targets: list[str]) -> None:
+    """Quiet: one line of progress when there is anything to do, and the whole output when a step fails."""
+    environment = {**os.environ, "NINJA_STATUS": "[%f/%t] "}
+    command = ["ninja", "-C", str(build), *targets]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment, errors="replace"
+    )
+    assert process.stdout is not None
+    started = time.monotonic()
+    lines: list[str] = []
+    announced = live = False
+    for line in process.stdout:
+        lines.append(line)
+        step = STEP.match(line)
+        if step and "Re-checking globbed" not in line and "Re-running CMake" not in line:
+            if sys.stderr.isatty():
+                print(f"\rBuilding Talbot [{step[1]}/{step[2]}] ", end="", file=sys.stderr, flush=True)
+                live = True
+            elif not announced:
+                say(f"Building Talbot: {step[2]} steps")
+            announced = True
+    code = process.wait()
+    (build / "build.log").write_text("".join(lines))
+    seconds = time.monotonic() - started
+    if code != 0:
+        tail = "".join(line for line in lines if not STEP.match(line) or "FAILED" in line)
+        raise LauncherError(f"{tail[-20000:]}\nThe build failed. The log is {build}/build.log.")
+    if announced:
+        say(f"{chr(13) if live else ''}Built Talbot in {seconds:.0f} s.          ")
+
+
+def build(targets: list[str], build_dir: Path = BUILD, options: list[str] | None = None) -> None:
+    with locked(build_dir):
+        configure(build_dir, options or [])
+        run_ninja(build_dir, targets)
+
+
+def link(source: Path, target: Path) -> None:
+    if target.is_symlink() and os.readlink(target) == str(source):
+        return
+    target.unlink(missing_ok=True)
+    target.symlink_to(source)
+
+
+def native_module() -> Path | None:
+    found = sorted((BUILD / "engine").glob("_talbot*.so"))
+    return found[0] if found else None
+
+
+def stage() -> Path:
+    """build/stage/addons/talbot: links to the add-on's files and to the native module. Python's caches stay out of the sources."""
+    target = STAGE / "addons" / "talbot"
+    wanted: set[Path] = set()
+    for source in sorted((ROOT / "addon").rglob("*")):
+        if source.is_dir() or "__pycache__" in source.parts or source.suffix == ".pyi":
+            continue
+        place = target / source.relative_to(ROOT / "addon")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        link(source, place)
+        wanted.add(place)
+    module = native_module()
+    if module is not None:
+        target.mkdir(parents=True, exist_ok=True)
+        link(module, target / module.name)
+        wanted.add(target / module.name)
+    for place in target.rglob("*"):
+        if place.is_symlink() and place not in wanted:
+            place.unlink()
+    return STAGE
+
+
+def prepare() -> Path:
+    """Builds what Blender needs and returns the staged scripts folder."""
+    targets = {"_talbot": "engine/python", "talbot-cli": "engine/cli"}
+    build([name for name, folder in targets.items() if list((ROOT / folder).glob("*.cpp"))] or ["talbot_engine"])
+    with locked(BUILD):
+        return stage()
