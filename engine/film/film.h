@@ -2,12 +2,21 @@
 ///
 /// A worker accumulates into a `TileFilm` of its own (sums of one tile over one sample range) and merges it into the
 /// `Film` in a fixed order, so sums do not depend on the number of threads.
+///
+/// Within a pixel each pass owns its channels as floats. What they hold:
+///   Combined                          sums of r, g, b and of transparency (alpha = 1 - mean transparency)
+///   light, emission, colour, normal,
+///   UV and denoising passes           sums over samples; `resolve` divides by the sample count
+///   Mist                              sum of (1 - mist) * weight
+///   Depth, Position, ObjectIndex,
+///   MaterialIndex                     one sample's value and, one float more, its weight: nothing to average there
 #pragma once
 
+#include <atomic>
 #include <cstdint>
-#include <memory>
 #include <mutex>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/error.h"
@@ -23,10 +32,15 @@ struct FilmLayout {
     bool light_passes = false;  ///< any of diffuse/glossy/transmission direct/indirect
     bool data_passes = false;   ///< any pass of the first hit (depth, normal, colours ...)
     FilmLayout();
-    bool has(scene::PassKind kind) const { return offset[int(kind)] >= 0; }
+    TALBOT_MEMBER bool has(scene::PassKind kind) const { return offset[int(kind)] >= 0; }
 };
+/// A light pass is divided by its colour pass, so it brings that one along.
 FilmLayout make_layout(std::span<const scene::PassKind> passes);
 int pass_channels(scene::PassKind kind);
+/// True for the passes that keep one sample's value (see above).
+bool is_single_sample(scene::PassKind kind);
+/// Mist of a hit at `distance` from the camera: 0 near, 1 far, falloff applied.
+float mist_amount(const scene::Settings& settings, float distance);
 
 /// What a contribution is, for the passes.
 enum class Category : uint8_t {
@@ -44,19 +58,20 @@ struct Contributions {
     int n = 0;
 };
 
-/// Sums of one tile.
+/// Sums of one tile. The layout must outlive it.
 class TileFilm {
 public:
     void reset(const FilmLayout& layout, int width, int height);
-    const FilmLayout& layout() const { return *layout_; }
-    float* pixels() { return sums_.data(); }
-    const float* pixels() const { return sums_.data(); }
+    TALBOT_MEMBER const FilmLayout& layout() const { return *layout_; }
+    TALBOT_MEMBER float* pixels() { return pixels_; }
+    TALBOT_MEMBER const float* pixels() const { return pixels_; }
     int width() const { return width_; }
     int height() const { return height_; }
 
 private:
     const FilmLayout* layout_ = nullptr;
     int width_ = 0, height_ = 0;
+    float* pixels_ = nullptr;  ///< sums_.data(): kernels touch no containers
     std::vector<float> sums_;
 };
 
@@ -67,7 +82,7 @@ public:
     const FilmLayout& layout() const { return layout_; }
     int width() const { return width_; }
     int height() const { return height_; }
-    /// Adds a tile's sums at (x, y) and `samples` to its pixels' counts. Thread-safe.
+    /// Adds a tile's sums at (x, y) and `samples` to its pixels' counts. Thread-safe. What lies outside the film is dropped.
     void merge(const TileFilm& tile, int x, int y, int samples);
     /// Mean of a pass as it goes to Blender: exposure applied where it belongs, light passes divided by colour, alpha composed, depth 1e10 where empty.
     /// out: width*height*pass_channels(kind). Thread-safe, any time.
@@ -104,7 +119,9 @@ inline namespace TALBOT_ISA {  // kernels
 void add(TileFilm& tile, Category category, const Contributions& c);
 /// Alpha: 1 - transparency, one value a path, summed. Only with film_transparent or holdouts.
 void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, int n);
-/// First-hit data pass of `channels` columns, weighted (1 at opaque first hits; transparent ones carry their share).
+/// First-hit data pass of `pass_channels(kind)` columns, weighted (1 at opaque first hits; transparent ones carry their share).
+/// Single-sample passes keep the latest value until one came with a weight of at least 0.5 (Blender's pass_alpha_threshold): exactly Blender's rule when
+/// only the first sample's lanes are sent, and very nearly when all are. Mist takes `mist_amount`. Passes that are not wanted are ignored.
 void add_data(TileFilm& tile, scene::PassKind kind, const int32_t* pixel, const float* const* columns, const float* weight, int n);
 
 }  // namespace TALBOT_ISA

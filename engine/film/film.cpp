@@ -1,0 +1,212 @@
+#include "film/film.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace talbot::film {
+
+using scene::PassKind;
+
+namespace {
+
+constexpr int kPassCount = int(PassKind::SampleCount) + 1;
+constexpr float kEmptyDepth = 1e10f;
+constexpr float kDecidedWeight = 0.5f;  // as in kernels/film_add.cpp: a single-sample value of this weight stays
+constexpr int kRowsPerLock = 16;        // resolve lets merging workers in between bands of rows
+
+PassKind colour_of(PassKind kind) {
+    switch (kind) {
+        case PassKind::DiffuseDirect:
+        case PassKind::DiffuseIndirect:
+            return PassKind::DiffuseColor;
+        case PassKind::GlossyDirect:
+        case PassKind::GlossyIndirect:
+            return PassKind::GlossyColor;
+        case PassKind::TransmissionDirect:
+        case PassKind::TransmissionIndirect:
+            return PassKind::TransmissionColor;
+        default:
+            return kind;
+    }
+}
+
+bool is_light_pass(PassKind kind) {
+    return colour_of(kind) != kind;
+}
+
+bool is_data_pass(PassKind kind) {
+    return kind != PassKind::Combined && kind != PassKind::Emission && kind != PassKind::Environment && kind != PassKind::SampleCount && !is_light_pass(kind);
+}
+
+// Light over colour. Where a channel of the colour is zero so is its light, and the quotient is free: the mean of the
+// other channels keeps grey light grey on a red surface, as in Blender.
+void divide_by_colour(const float* light, const float* colour, float scale, float* out) {
+    float sum = 0;
+    int known = 0;
+    for (int c = 0; c < 3; ++c) {
+        out[c] = colour[c] != 0.0f ? scale * light[c] / colour[c] : 0.0f;
+        if (colour[c] != 0.0f) {
+            sum += out[c];
+            ++known;
+        }
+    }
+    for (int c = 0; c < 3; ++c)
+        if (colour[c] == 0.0f && known) out[c] = sum / float(known);
+}
+
+}  // namespace
+
+FilmLayout::FilmLayout() {
+    std::fill(std::begin(offset), std::end(offset), -1);
+    static_assert(kPassCount <= int(sizeof(offset) / sizeof(offset[0])));
+}
+
+int pass_channels(PassKind kind) {
+    switch (kind) {
+        case PassKind::Combined:
+            return 4;
+        case PassKind::Depth:
+        case PassKind::Mist:
+        case PassKind::ObjectIndex:
+        case PassKind::MaterialIndex:
+        case PassKind::SampleCount:
+            return 1;
+        default:
+            return 3;
+    }
+}
+
+bool is_single_sample(PassKind kind) {
+    return kind == PassKind::Depth || kind == PassKind::Position || kind == PassKind::ObjectIndex || kind == PassKind::MaterialIndex;
+}
+
+FilmLayout make_layout(std::span<const PassKind> passes) {
+    bool wanted[kPassCount] = {};
+    for (PassKind kind : passes) {
+        if (int(kind) >= kPassCount) continue;
+        wanted[int(kind)] = true;
+        wanted[int(colour_of(kind))] = true;
+    }
+    FilmLayout layout;
+    for (int k = 0; k < kPassCount; ++k) {
+        const PassKind kind = PassKind(k);
+        if (!wanted[k] || kind == PassKind::SampleCount) continue;
+        layout.offset[k] = layout.stride;
+        layout.stride += pass_channels(kind) + is_single_sample(kind);
+        layout.light_passes |= is_light_pass(kind);
+        layout.data_passes |= is_data_pass(kind);
+    }
+    if (wanted[int(PassKind::SampleCount)]) layout.offset[int(PassKind::SampleCount)] = 0;  // answered from the counts, no storage
+    return layout;
+}
+
+float mist_amount(const scene::Settings& settings, float distance) {
+    const float m = settings.mist_depth > 0.0f ? saturate((distance - settings.mist_start) / settings.mist_depth) : float(distance > settings.mist_start);
+    return settings.mist_falloff == 0 ? m * m : settings.mist_falloff == 1 ? m : std::sqrt(m);
+}
+
+void TileFilm::reset(const FilmLayout& layout, int width, int height) {
+    layout_ = &layout;
+    width_ = width;
+    height_ = height;
+    sums_.assign(size_t(width) * size_t(height) * size_t(layout.stride), 0.0f);
+    pixels_ = sums_.data();
+}
+
+Film::Film(const FilmLayout& layout, int width, int height) : layout_(layout), width_(std::max(width, 0)), height_(std::max(height, 0)) {
+    sums_.assign(size_t(width_) * size_t(height_) * size_t(layout_.stride), 0.0f);
+    samples_.assign(size_t(width_) * size_t(height_), 0);
+}
+
+void Film::merge(const TileFilm& tile, int x, int y, int samples) {
+    // Channels that keep one sample's value are restored after the plain sum of the whole row.
+    struct Single {
+        int offset, channels;
+    };
+    Single singles[kPassCount];
+    int single_count = 0;
+    for (int k = 0; k < kPassCount; ++k) {
+        if (layout_.offset[k] >= 0 && is_single_sample(PassKind(k))) singles[single_count++] = {layout_.offset[k], pass_channels(PassKind(k))};
+    }
+    const int x0 = std::max(x, 0), x1 = std::min(x + tile.width(), width_);
+    const int y0 = std::max(y, 0), y1 = std::min(y + tile.height(), height_);
+    if (x0 >= x1) return;
+    const size_t stride = size_t(layout_.stride);
+
+    std::lock_guard lock(mutex_);
+    for (int row = y0; row < y1; ++row) {
+        const float* from = tile.pixels() + (size_t(row - y) * size_t(tile.width()) + size_t(x0 - x)) * stride;
+        const size_t first = size_t(row) * size_t(width_) + size_t(x0);
+        float* to = sums_.data() + first * stride;
+        for (int column = 0; column < x1 - x0; ++column, from += stride, to += stride) {
+            float kept[kPassCount][4];
+            for (int s = 0; s < single_count; ++s) {
+                const int weight = singles[s].offset + singles[s].channels;
+                const bool keep = to[weight] >= kDecidedWeight || from[weight] <= 0.0f;
+                std::copy_n((keep ? to : from) + singles[s].offset, singles[s].channels + 1, kept[s]);
+            }
+            for (size_t f = 0; f < stride; ++f) to[f] += from[f];
+            for (int s = 0; s < single_count; ++s) std::copy_n(kept[s], singles[s].channels + 1, to + singles[s].offset);
+        }
+        for (int column = 0; column < x1 - x0; ++column) samples_[first + size_t(column)] += samples;
+    }
+}
+
+void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<float> out) const {
+    const size_t channels = size_t(pass_channels(kind));
+    if (out.size() < size_t(width_) * size_t(height_) * channels) throw Error("Film: the buffer for a pass is too small");
+    const int offset = layout_.offset[int(kind)];
+    const int colour_offset = layout_.offset[int(colour_of(kind))];
+    const bool is_light = is_light_pass(kind);
+    const float exposure =
+        is_light || kind == PassKind::Combined || kind == PassKind::Emission || kind == PassKind::Environment ? settings.film_exposure : 1.0f;
+    const size_t stride = size_t(layout_.stride);
+
+    for (int band = 0; band < height_; band += kRowsPerLock) {
+        std::lock_guard lock(mutex_);
+        const size_t end = size_t(std::min(band + kRowsPerLock, height_)) * size_t(width_);
+        for (size_t i = size_t(band) * size_t(width_); i < end; ++i) {
+            float* result = out.data() + i * channels;
+            if (kind == PassKind::SampleCount) {
+                result[0] = float(samples_[i]) / float(std::max(settings.samples, 1));
+                continue;
+            }
+            if (offset < 0 || samples_[i] <= 0) {
+                std::fill_n(result, channels, kind == PassKind::Depth ? kEmptyDepth : 0.0f);
+                continue;
+            }
+            const float* pixel = sums_.data() + i * stride;
+            const float* sum = pixel + offset;
+            const float scale = 1.0f / float(samples_[i]);
+            if (is_single_sample(kind)) {
+                const bool empty = sum[channels] <= 0.0f;
+                for (size_t c = 0; c < channels; ++c) result[c] = empty ? (kind == PassKind::Depth ? kEmptyDepth : 0.0f) : sum[c];
+            } else if (is_light) {
+                divide_by_colour(sum, pixel + colour_offset, exposure, result);
+            } else if (kind == PassKind::Mist) {
+                result[0] = saturate(1.0f - sum[0] * scale);
+            } else {
+                for (size_t c = 0; c < channels; ++c) result[c] = sum[c] * scale * exposure;
+                if (kind == PassKind::Combined) result[3] = saturate(1.0f - sum[3] * scale);
+            }
+        }
+    }
+}
+
+int Film::samples_at(int x, int y) const {
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) return 0;
+    std::lock_guard lock(mutex_);
+    return samples_[size_t(y) * size_t(width_) + size_t(x)];
+}
+
+void Film::clear() {
+    std::lock_guard lock(mutex_);
+    std::fill(sums_.begin(), sums_.end(), 0.0f);
+    std::fill(samples_.begin(), samples_.end(), 0);
+}
+
+size_t Film::bytes() const {
+    return sums_.capacity() * sizeof(float) + samples_.capacity() * sizeof(int32_t);
+}
+
+}  // namespace talbot::film
