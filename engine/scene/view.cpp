@@ -29,10 +29,7 @@ AttributeId SceneTables::attribute_id(const std::string& name) {
 
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables) {
     const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
-    tables.keep_alive.clear();
-    for (const auto& mesh : scene.meshes) {
-        if (mesh) tables.keep_alive.push_back(mesh);
-    }
+    tables.keep_alive = scene.meshes;
 
     // One row of attribute views a mesh, then one an attribute set of objects.
     tables.attributes.assign((meshes + sets) * names, {});
