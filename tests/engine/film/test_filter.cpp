@@ -58,7 +58,8 @@ TEST_P(Filters, EntriesAreInverseDistribution) {
     }
     for (size_t k = 0; k < table.size(); k += 31) EXPECT_NEAR(integral(filter, width, -reach, table[k], 0) / total, (double(k) + 0.5) / 1024, 2e-4) << k;
     EXPECT_NEAR(second / (integral(filter, width, -reach, reach, 2) / total), 1, 2e-3);
-    EXPECT_NEAR(fourth / (integral(filter, width, -reach, reach, 4) / total), 1, 1e-2);
+    // The last entry stands for a whole thousandth of tail, whose far end it leaves out.
+    EXPECT_NEAR(fourth / (integral(filter, width, -reach, reach, 4) / total), 1, 2e-2);
 }
 
 TEST_P(Filters, ChiSquared) {
