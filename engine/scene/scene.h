@@ -202,11 +202,12 @@ struct Settings {
     float mist_start = 5, mist_depth = 25;
     int mist_falloff = 0;  ///< 0 quadratic, 1 linear, 2 inverse quadratic
     bool use_emission_sampling = true;
-    int threads = 0;                       ///< 0: all
-    std::string ocio_config;               ///< path of Blender's config.ocio; "" : built-in sRGB and linear only
-    std::string working_space = "Linear";  ///< the config's scene_linear space, by name
-    std::string instruction_set;           ///< "" : the best
-    bool viewport = false;                 ///< interactive: instances instead of flattened geometry, coarse first passes
+    int threads = 0;                                           ///< 0: all
+    std::string ocio_config;                                   ///< path of Blender's config.ocio; "" : built-in sRGB and linear only
+    std::string working_space = "Linear";                      ///< the config's scene_linear space, by name
+    float luminance_weights[3] = {0.2126f, 0.7152f, 0.0722f};  ///< Y of the working space's primaries
+    std::string instruction_set;                               ///< "" : the best
+    bool viewport = false;                                     ///< interactive: instances instead of flattened geometry, coarse first passes
 };
 
 /// Passes that may be asked for; channels in brackets. Names are Blender's where it has one.

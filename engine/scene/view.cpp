@@ -5,9 +5,14 @@
 namespace talbot::scene {
 namespace {
 
-void view_attributes(const std::vector<Attribute>& from, const std::vector<std::string>& names, AttributeView* out) {
+void view_attributes(const std::vector<Attribute>& from, const std::vector<std::string>& names, const Mesh* mesh, AttributeView* out) {
     for (size_t id = 0; id < names.size(); ++id) {
-        const auto found = std::find_if(from.begin(), from.end(), [&](const Attribute& a) { return a.name == names[id]; });
+        const std::string& asked = names[id];
+        std::string name = asked;
+        if (mesh && asked == kActiveUv) name = mesh->active_uv;
+        if (mesh && asked == kActiveColor) name = mesh->active_color;
+        if (mesh && asked == kActiveTangent) name = "@tangent:" + mesh->active_uv;
+        const auto found = std::find_if(from.begin(), from.end(), [&](const Attribute& a) { return a.name == name; });
         if (found == from.end() || found->data.empty()) continue;
         out[id] = {found->data.data(), found->domain, found->components, found->is_color};
     }
@@ -38,7 +43,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     for (size_t i = 0; i < meshes; ++i) {
         if (!scene.meshes[i]) continue;
         const Mesh& mesh = *scene.meshes[i];
-        view_attributes(mesh.attributes, tables.attribute_names, row(i));
+        view_attributes(mesh.attributes, tables.attribute_names, &mesh, row(i));
         MeshView& out = tables.meshes[i];
         out.positions = data_or_null(mesh.positions);
         out.triangle_vertices = data_or_null(mesh.triangle_vertices);
@@ -53,7 +58,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.generated_scale = mesh.generated_scale;
         out.triangle_count = uint32_t(mesh.triangle_count());
     }
-    for (size_t i = 0; i < sets; ++i) view_attributes(scene.object_attribute_sets[i], tables.attribute_names, row(meshes + i));
+    for (size_t i = 0; i < sets; ++i) view_attributes(scene.object_attribute_sets[i], tables.attribute_names, nullptr, row(meshes + i));
 
     // Slots of all material sets in a row; the first one stands for objects without a set.
     tables.material_slots.assign(1, default_shader);

@@ -14,6 +14,11 @@ namespace talbot::scene {
 /// Index into SceneView::attribute_names. Interned over all meshes and shaders.
 using AttributeId = int32_t;
 
+/// Names that stand for each mesh's own choice: its active UV map, active colour attribute, tangents of the active UV map.
+inline constexpr const char* kActiveUv = "@uv";
+inline constexpr const char* kActiveColor = "@color";
+inline constexpr const char* kActiveTangent = "@tangent";
+
 struct AttributeView {
     const float* data = nullptr;  ///< null: the mesh has no such attribute
     Domain domain = Domain::Vertex;
@@ -69,9 +74,9 @@ struct SceneTables {
     std::vector<MeshView> meshes;
     std::vector<AttributeView> attributes;
     std::vector<int32_t> material_slots;
-    std::vector<std::string> attribute_names;  ///< index = AttributeId; the compiler adds the names that shaders ask for
+    std::vector<std::string> attribute_names;             ///< index = AttributeId; the compiler adds the names that shaders ask for
     std::vector<std::shared_ptr<const Mesh>> keep_alive;  ///< by mesh handle, like `meshes`; null where the mesh was removed
-    AttributeId attribute_id(const std::string& name);  ///< interns
+    AttributeId attribute_id(const std::string& name);    ///< interns
 };
 
 /// `default_shader`: handle of the grey shader that stands for missing materials.
