@@ -1,0 +1,115 @@
+#include <memory>
+
+#include "python/native_session.h"
+#include "scene/mesh_build.h"
+
+namespace talbot::python {
+namespace {
+
+using namespace talbot::scene;
+
+Domain read_domain(const std::string& text) {
+    if (text == "VERTEX") return Domain::Vertex;
+    if (text == "CORNER") return Domain::Corner;
+    if (text == "FACE") return Domain::Face;
+    throw Error("Unknown attribute domain '" + text + "'");
+}
+
+void read_attributes(ArrayDict& arrays, MeshInput& input) {
+    const py::object list = arrays.value("attributes");
+    if (list.is_none()) return;
+    for (const py::handle item : list) {
+        const py::tuple t = py::cast<py::tuple>(item);
+        if (t.size() != 4) throw py::value_error("An attribute must be (name, domain, is_color, array)");
+        MeshInputAttribute a;
+        a.name = py::cast<std::string>(t[0]);
+        a.domain = read_domain(py::cast<std::string>(t[1]));
+        a.is_color = py::cast<bool>(t[2]);
+        const py::object array = t[3];
+        const bool bytes = a.is_color && py::hasattr(array, "dtype") && py::cast<std::string>(py::str(array.attr("dtype"))) == "uint8";
+        const ArrayBuffer& buffer = arrays.hold(array, a.name, bytes ? 'B' : 'f');
+        if (bytes) {
+            if (buffer.columns() != 4 || buffer.dimensions() != 2) throw py::value_error("Byte colours '" + a.name + "' must have the shape (n, 4)");
+            a.bytes = {static_cast<const uint8_t*>(buffer.data()), buffer.size()};
+        } else {
+            if (buffer.columns() < 1 || buffer.columns() > 4) throw py::value_error("Attribute '" + a.name + "' must have 1 to 4 columns");
+            a.components = int(buffer.columns());
+            a.floats = {static_cast<const float*>(buffer.data()), buffer.size()};
+        }
+        input.attributes.push_back(std::move(a));
+    }
+}
+
+std::string optional_text(ArrayDict& arrays, const char* name) {
+    const py::object value = arrays.value(name);
+    return value.is_none() ? std::string() : py::cast<std::string>(value);
+}
+
+Vec3 optional_vector(ArrayDict& arrays, const char* name, Vec3 fallback) {
+    const py::object value = arrays.value(name);
+    if (value.is_none()) return fallback;
+    const py::sequence items = py::cast<py::sequence>(value);
+    if (items.size() != 3) throw py::value_error("'" + std::string(name) + "' must have 3 numbers");
+    return {py::cast<float>(items[0]), py::cast<float>(items[1]), py::cast<float>(items[2])};
+}
+
+std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& name, const py::dict& values) {
+    ArrayDict arrays(values);
+    for (const char* required : {"positions", "corner_vertices", "triangle_corners"}) {
+        if (!values.contains(required)) throw py::key_error("A mesh needs '" + std::string(required) + "'");
+    }
+    MeshInput input;
+    input.name = name;
+    input.positions = arrays.get<float>("positions", 3);
+    input.corner_vertices = arrays.get<uint32_t>("corner_vertices", 1);
+    input.triangle_corners = arrays.get<uint32_t>("triangle_corners", 3);
+    input.triangle_faces = arrays.get<uint32_t>("triangle_faces", 1);
+    input.face_materials = arrays.get<int32_t>("face_materials", 1);
+    input.face_smooth = arrays.get<uint8_t>("face_smooth", 1);
+    input.vertex_normals = arrays.get<float>("vertex_normals", 3);
+    input.corner_normals = arrays.get<float>("corner_normals", 3);
+    read_attributes(arrays, input);
+    input.active_uv = optional_text(arrays, "active_uv");
+    input.active_color = optional_text(arrays, "active_color");
+    input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);
+    input.generated_scale = optional_vector(arrays, "generated_scale", input.generated_scale);
+    arrays.finish("A mesh");
+    const py::gil_scoped_release released;
+    return std::make_shared<const Mesh>(build_mesh(input, native.session.report()));
+}
+
+}  // namespace
+
+Handle add_mesh(NativeSession& native, const std::string& name, const py::dict& arrays) {
+    std::shared_ptr<const Mesh> mesh = read_mesh(native, name, arrays);
+    Scene& scene = native.edit();
+    const Handle handle = native.mesh_pool.take(scene.meshes.size());
+    if (size_t(handle) == scene.meshes.size()) scene.meshes.emplace_back();
+    scene.meshes[size_t(handle)] = std::move(mesh);
+    scene.dirty |= kDirtyMeshes;
+    scene.dirty_meshes.push_back(handle);
+    return handle;
+}
+
+void set_mesh(NativeSession& native, Handle handle, const std::string& name, const py::dict& arrays) {
+    Scene& scene = native.edit();
+    check_handle(native.mesh_pool, handle, scene.meshes.size(), "mesh");
+    scene.meshes[size_t(handle)] = read_mesh(native, name, arrays);
+    scene.dirty |= kDirtyMeshes;
+    scene.dirty_meshes.push_back(handle);
+}
+
+void remove_mesh(NativeSession& native, Handle handle) {
+    Scene& scene = native.edit();
+    check_handle(native.mesh_pool, handle, scene.meshes.size(), "mesh");
+    scene.meshes[size_t(handle)] = nullptr;
+    // Objects that are still there show nothing, and must not show what gets this handle next.
+    for (size_t i = 0; i < scene.objects.size(); ++i) {
+        if (native.object_meshes[i] == handle) scene.objects[i].mesh = native.object_meshes[i] = kNone;
+    }
+    native.mesh_pool.release(handle);
+    scene.dirty |= kDirtyMeshes | kDirtyObjects;
+    scene.dirty_meshes.push_back(handle);
+}
+
+}  // namespace talbot::python
