@@ -91,6 +91,7 @@ Settings read_settings(const py::dict& values) {
     f("threads", s.threads);
     f("ocio_config", s.ocio_config);
     f("working_space", s.working_space);
+    f("luminance_weights", std::span<float>(s.luminance_weights));
     f("instruction_set", s.instruction_set);
     f("viewport", s.viewport);
     f.finish();
