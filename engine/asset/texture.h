@@ -2,6 +2,10 @@
 ///
 /// Loading (OpenImageIO) and colour conversion (OpenColorIO, Blender's own config) happen once in `load_images`; lookups are ours.
 /// Pixel centres are at half-integers: texel x covers u in [x, x+1)/width.
+///
+/// The order of things is Blender's (measured in 3.4.1 and 5.0): integer texels in sRGB stay encoded, are multiplied by their alpha
+/// *encoded*, are filtered *encoded*, and decoded last; every other colour space is converted to linear when loaded. An image whose colour space is data,
+/// or whose alpha is channel-packed or ignored, is not multiplied by alpha.
 #pragma once
 
 #include <atomic>
@@ -15,17 +19,20 @@
 
 namespace talbot::asset {
 
-enum class TexelFormat : uint8_t { Byte1, Byte4, Half1, Half4, Float1, Float4 };
+/// 1: grey with alpha 1; 4: RGBA. Byte and Short are fractions of 255 and 65535.
+enum class TexelFormat : uint8_t { Byte1, Byte4, Half1, Half4, Float1, Float4, Short1, Short4 };
 enum class Interpolation : uint8_t { Linear, Closest, Cubic, Smart };
 enum class Extension : uint8_t { Repeat, Extend, Clip, Mirror };
 
-/// One image or one UDIM tile. Byte texels keep their encoding and are decoded through `decode` (256 floats) at lookup.
+/// One image or one UDIM tile. Texels are finite.
 struct Texture {
     const void* texels = nullptr;  ///< null: missing, reads as magenta (1, 0, 1, 1)
     int width = 0, height = 0;
     TexelFormat format = TexelFormat::Float4;
-    const float* decode = nullptr;  ///< 256-entry table for byte RGB (alpha is v/255), null for floats
-    int first_tile = -1;            ///< UDIM: index of tile 1001's entry in TextureTable::tiles, else -1
+    const float* decode =
+        nullptr;                 ///< encoded RGB (Byte, Short): linear value at k/255, 257 entries, interpolated between (error < 1e-5); null: linear already
+    bool is_associated = false;  ///< colour is multiplied by alpha
+    int first_tile = -1;         ///< UDIM: index of tile 1001's entry in TextureTable::tiles, else -1
     bool is_missing = false;
 };
 
@@ -54,9 +61,11 @@ private:
 
 inline namespace TALBOT_ISA {  // kernels
 
-/// RGBA of image `handle[i]` at (u, v); `premultiplied` colour as loaded. Missing handles (-1) are magenta with alpha 1... see texture.cpp.
+/// RGBA of image `handle[i]` at (u, v). A handle that is none (-1) or out of range, a missing image and a UDIM tile that is not there read as magenta with
+/// alpha 1, as in Blender. `unassociate`: divide the colour by alpha where the image's colour is multiplied by it (Blender does when the node's Alpha output
+/// is used); otherwise it comes multiplied. Any n; u and v may be anything, NaN too.
 void lookup_texture(const TextureTable& table, const int32_t* handle, const float* u, const float* v, int n, Interpolation interpolation, Extension extension,
-                    Columns3 rgb, float* alpha);
+                    Columns3 rgb, float* alpha, bool unassociate = false);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::asset
