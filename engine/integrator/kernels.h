@@ -1,0 +1,58 @@
+/// The integrator's door for the session: one table of function pointers per instruction set.
+///
+/// The loop (kernels/render_unit.cpp): generate -> [intersect -> shade lamps, background -> sort by shader -> shade
+/// surface over spans (program, emission, light samples, scatter) -> trace shadow] until no path of the unit lives.
+#pragma once
+
+#include <atomic>
+#include <string>
+
+#include "film/film.h"
+#include "geometry/accelerator.h"
+#include "integrator/state.h"
+#include "light/emitters.h"
+#include "shader/program.h"
+
+namespace talbot::integrator {
+
+/// Everything a render reads; nothing in it changes while workers run.
+struct RenderContext {
+    const scene::SceneView* scene = nullptr;
+    const scene::Settings* settings = nullptr;
+    const scene::Camera* camera = nullptr;
+    const shader::Programs* programs = nullptr;
+    const shader::ShaderContext* shading = nullptr;
+    const geometry::Accelerator* accelerator = nullptr;
+    const light::EmitterTable* emitters = nullptr;
+    light::EmitterSummary emitter_summary;
+    const film::FilmLayout* layout = nullptr;
+    const float* filter_table = nullptr;    ///< film::make_filter_table
+    const int32_t* shader_order = nullptr;  ///< rank of each shader when sorted by program, so that equal programs are neighbours
+    const int32_t* rank_shader = nullptr;   ///< the inverse
+    int shader_count = 0;
+    scene::AttributeId uv_attribute = -1;  ///< of the UV pass
+    bool has_transparent_shadows = false;
+    geometry::TraceOptions camera_trace{16, true}, bounce_trace{8, false}, shadow_trace{8, false};
+    const std::atomic<bool>* cancel = nullptr;
+};
+
+/// Object mask bits beyond scene::Visibility, set after compiling: which shadow casters may let light through.
+inline constexpr uint32_t kShadowTransparent = 64;
+
+/// A tile of the rendered area and a range of samples. One worker renders it alone.
+struct RenderUnit {
+    int x = 0, y = 0, width = 0, height = 0;  ///< pixels of the crop, from its bottom left
+    int sample_begin = 0, sample_end = 0;
+    int pixel_size = 1;  ///< coarse preview: tile pixels are blocks of this many frame pixels a side
+};
+
+struct KernelTable {
+    const char* name = "";
+    /// False: cancelled, the tile's sums are incomplete.
+    bool (*render_unit)(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) = nullptr;
+};
+
+/// Throws Error for a set that is not compiled in.
+const KernelTable& kernels_for(const std::string& instruction_set);
+
+}  // namespace talbot::integrator

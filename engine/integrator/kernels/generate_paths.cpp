@@ -1,0 +1,191 @@
+/// Camera rays. Film positions are importance-sampled from the pixel filter (weight 1); lens points are uniform on the
+/// aperture. Camera space looks along -z, +y up; panoramas use Blender's own space, x forward and z up.
+
+#include "base/sobol.h"
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+namespace {
+
+struct FilmPoint {
+    float x, y;  ///< 0..1 over the whole frame, from the bottom left
+};
+
+TALBOT_INLINE float filter_offset(const float* table, float u) {
+    return table[int(u * 1024.0f)];
+}
+
+/// Uniform point on the unit disk or regular polygon.
+TALBOT_INLINE Vec2 aperture_point(const scene::Camera& camera, float u, float v) {
+    Vec2 p;
+    if (camera.aperture_blades < 3) {
+        const float r = std::sqrt(u), phi = 2.0f * kPi * v;
+        p = {r * std::cos(phi), r * std::sin(phi)};
+    } else {
+        // A blade's triangle, then a point in it: corners at the centre and two neighbouring vertices.
+        const float n = float(camera.aperture_blades);
+        const float blade = minf(float(int(u * n)), n - 1.0f);
+        const float s = std::sqrt(u * n - blade);
+        const float step = 2.0f * kPi / n;
+        const float a = step * blade + camera.aperture_rotation, b = a + step;
+        const float wa = s * (1.0f - v), wb = s * v;
+        p = {wa * std::cos(a) + wb * std::cos(b), wa * std::sin(a) + wb * std::sin(b)};
+    }
+    p.x /= camera.aperture_ratio > 0.0f ? camera.aperture_ratio : 1.0f;
+    return {p.x * camera.aperture_radius, p.y * camera.aperture_radius};
+}
+
+/// Blender's fisheye frame: angle theta from the axis (+x), azimuth of (x, y) on the film.
+TALBOT_INLINE Vec3 fisheye_direction(float x, float y, float theta) {
+    const float r = std::sqrt(x * x + y * y);
+    const float c = r > 0.0f ? x / r : 1.0f, s = r > 0.0f ? y / r : 0.0f;
+    const float st = std::sin(theta);
+    return {std::cos(theta), -c * st, s * st};
+}
+
+/// Direction in panorama space; zero where the film has no direction.
+TALBOT_INLINE Vec3 panorama_direction(const scene::Camera& camera, FilmPoint film) {
+    using scene::PanoramaType;
+    const float u = film.x, v = film.y;
+    switch (camera.panorama) {
+        case PanoramaType::Equirectangular: {
+            const float phi = (camera.longitude_min - camera.longitude_max) * u - camera.longitude_min;
+            const float theta = (camera.latitude_min - camera.latitude_max) * v - camera.latitude_min + kPi / 2;
+            return {std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)};
+        }
+        case PanoramaType::EquiangularCubemap:
+            return normalize({1.0f, std::tan((0.5f - u) * (kPi / 2)), std::tan((v - 0.5f) * (kPi / 2))});
+        case PanoramaType::Mirrorball: {
+            const float x = 2.0f * u - 1.0f, z = 2.0f * v - 1.0f;
+            if (x * x + z * z > 1.0f) return {};
+            const Vec3 n{x, -safe_sqrt(1.0f - x * x - z * z), z};
+            const Vec3 i{0, -1, 0};
+            const Vec3 d = 2.0f * dot(n, i) * n - i;
+            // The mirror ball's own frame: camera (right, up, forward) = (x, z, -y), said in panorama axes.
+            return {-d.y, -d.x, d.z};
+        }
+        case PanoramaType::FisheyeEquidistant: {
+            const float x = 2.0f * (u - 0.5f), y = 2.0f * (v - 0.5f), r = std::sqrt(x * x + y * y);
+            if (r > 1.0f) return {};
+            return fisheye_direction(x, y, r * camera.fov * 0.5f);
+        }
+        case PanoramaType::FisheyeEquisolid: {
+            const float x = (u - 0.5f) * camera.sensor_width_mm, y = (v - 0.5f) * camera.sensor_height_mm, r = std::sqrt(x * x + y * y);
+            if (r > 2.0f * camera.lens_mm * std::sin(camera.fov * 0.25f)) return {};
+            return fisheye_direction(x, y, 2.0f * std::asin(minf(r / (2.0f * camera.lens_mm), 1.0f)));
+        }
+        case PanoramaType::FisheyePolynomial: {
+            const float x = (u - 0.5f) * camera.sensor_width_mm, y = (v - 0.5f) * camera.sensor_height_mm, r = std::sqrt(x * x + y * y);
+            const float* k = camera.polynomial;
+            const float theta = -(k[0] + r * (k[1] + r * (k[2] + r * (k[3] + r * k[4]))));
+            if (std::fabs(theta) > 0.5f * camera.fov) return {};
+            return fisheye_direction(x, y, theta);
+        }
+        case PanoramaType::CentralCylindrical: {
+            const float t = lerp(-camera.cylinder[0], -camera.cylinder[1], u), z = lerp(camera.cylinder[2], camera.cylinder[3], v);
+            return normalize({std::cos(t), std::sin(t), z});
+        }
+    }
+    return {};
+}
+
+struct CameraRay {
+    Vec3 origin, direction;   ///< camera space
+    float near = 0, far = 0;  ///< along the ray
+    bool exists = true;
+};
+
+TALBOT_INLINE CameraRay camera_ray(const scene::Camera& camera, FilmPoint film, float lens_u, float lens_v) {
+    const Vec2 lens = camera.aperture_radius > 0.0f ? aperture_point(camera, lens_u, lens_v) : Vec2{};
+    const float x = lerp(camera.view[0], camera.view[1], film.x), y = lerp(camera.view[2], camera.view[3], film.y);
+    CameraRay ray;
+    if (camera.type == scene::CameraType::Perspective) {
+        ray.origin = {lens.x, lens.y, 0};
+        ray.direction = normalize(Vec3{x, y, -1} * camera.focus_distance - ray.origin);
+        const float along = -1.0f / ray.direction.z;
+        ray.near = camera.clip_start * along;
+        ray.far = camera.clip_end * along;
+    } else if (camera.type == scene::CameraType::Orthographic) {
+        ray.origin = {x + lens.x, y + lens.y, 0};
+        ray.direction = normalize(Vec3{x, y, -camera.focus_distance} - ray.origin);
+        ray.near = camera.clip_start;
+        ray.far = camera.clip_end;
+    } else {
+        const Vec3 p = panorama_direction(camera, film);
+        ray.exists = dot(p, p) > 0.0f;
+        const Vec3 d{-p.y, p.z, -p.x};
+        if (camera.aperture_radius > 0.0f) {
+            Vec3 right, up;
+            make_basis(d, right, up);
+            ray.origin = right * lens.x + up * lens.y;
+            ray.direction = normalize(d * camera.focus_distance - ray.origin);
+        } else {
+            ray.direction = d;
+        }
+        ray.near = camera.clip_start;
+        ray.far = camera.clip_end;
+    }
+    return ray;
+}
+
+}  // namespace
+
+int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, film::TileFilm& tile) {
+    const scene::Settings& settings = *context.settings;
+    const scene::Camera& camera = *context.camera;
+    PathColumns& paths = worker.paths;
+    const int64_t pixels = int64_t(unit.width) * unit.height;
+    const int64_t total = pixels * (unit.sample_end - unit.sample_begin);
+    const float pixel_x = (camera.view[1] - camera.view[0]) / float(settings.width);
+    const float pixel_y = (camera.view[3] - camera.view[2]) / float(settings.height);
+    const float pixel_extent = 0.5f * (std::fabs(pixel_x) + std::fabs(pixel_y)) * float(unit.pixel_size);
+    const bool orthographic = camera.type == scene::CameraType::Orthographic;
+
+    int n = 0;
+    while (worker.free_count > 0 && cursor < total) {
+        const int32_t pixel = int32_t(cursor % pixels);
+        const uint32_t sample = uint32_t(unit.sample_begin + settings.first_sample) + uint32_t(cursor / pixels);
+        ++cursor;
+        const int px = settings.crop_x + (unit.x + pixel % unit.width) * unit.pixel_size;
+        const int py = settings.crop_y + (unit.y + pixel / unit.width) * unit.pixel_size;
+        const uint32_t key = pixel_key(settings.seed, uint32_t(py) * uint32_t(settings.width) + uint32_t(px));
+        const Vec2 filter = sample_pair(key, sample, pair_dimension(0, Pair::PixelFilter));
+        const Vec2 lens = sample_pair(key, sample, pair_dimension(0, Pair::Lens));
+        const float block = float(unit.pixel_size);
+        const FilmPoint film{(float(px) + block * (0.5f + filter_offset(context.filter_table, filter.x))) / float(settings.width),
+                             (float(py) + block * (0.5f + filter_offset(context.filter_table, filter.y))) / float(settings.height)};
+        const CameraRay ray = camera_ray(camera, film, lens.x, lens.y);
+        ++worker.counters.paths;
+        if (!ray.exists) {
+            // No light comes from nowhere: black and fully transparent, as in Cycles.
+            const float one = 1.0f;
+            film::add_alpha(tile, &pixel, &one, 1);
+            continue;
+        }
+        const int32_t lane = worker.free_lanes[--worker.free_count];
+        worker.fresh[n++] = lane;
+        store(paths.origin, lane, transform_point(camera.to_world, ray.origin + ray.direction * ray.near));
+        store(paths.direction, lane, normalize(transform_direction(camera.to_world, ray.direction)));
+        paths.t_max[lane] = maxf(ray.far - ray.near, 0.0f);
+        store(paths.throughput, lane, vec3(1.0f));
+        paths.bsdf_pdf[lane] = 0.0f;
+        paths.min_pdf[lane] = 3.0e38f;
+        paths.mis_t[lane] = 0.0f;
+        paths.cone_spread[lane] = orthographic ? 0.0f : pixel_extent;
+        paths.cone_width[lane] = orthographic ? pixel_extent : pixel_extent * ray.near;
+        paths.pixel[lane] = pixel;
+        paths.key[lane] = key;
+        paths.sample[lane] = sample;
+        paths.flags[lane] = int32_t(shader::kRayCamera) | kPathDelta | kPathSeesBackground;
+        paths.bounces[lane] = 0;
+        paths.vertex[lane] = 1;
+        store(paths.diffuse_share, lane, Vec3{});
+        store(paths.glossy_share, lane, Vec3{});
+    }
+    return n;
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

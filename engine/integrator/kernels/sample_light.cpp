@@ -1,0 +1,148 @@
+/// Next-event estimation: one light sample a lane from one stratum, weighted against the density with which scattering would have
+/// found the same direction, then a shadow ray.
+
+#include "base/sobol.h"
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+namespace {
+
+/// BSDF over all slots towards s.wi: s.f, its diffuse and glossy parts (when the shares are wanted), and the mixture's density in s.pdf.
+void eval_closures(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, bool shares) {
+    SpanScratch& s = worker.scratch;
+    const int n = s.span.n;
+    for (Columns3 c : {s.f, s.f_diffuse, s.f_glossy}) fill(c.x, n, 0.0f), fill(c.y, n, 0.0f), fill(c.z, n, 0.0f);
+    fill(s.pdf, n, 0.0f);
+    (void)context;
+    for (size_t k = 0; k < program.slots.size(); ++k) {
+        const ClosureSlot& slot = program.slots[k];
+        if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
+        closure_eval(slot, slot_columns(slot, s.registers), geometry, s.wi, n, s.slot_f, s.slot_pdf);
+        const float* weight = s.slot_weight + k * kSpan;
+        // The lamp may be invisible to this kind of lobe.
+        const int32_t needed = slot.lobe == LobeKind::Diffuse  ? scene::kVisibleDiffuse
+                               : slot.lobe == LobeKind::Glossy ? scene::kVisibleGlossy
+                                                               : scene::kVisibleTransmission;
+        const Columns3 f = s.f, slot_f = s.slot_f;
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            const float lit = (s.light.visibility[i] & needed) ? 1.0f : 0.0f;
+            f.x[i] += slot_f.x[i] * lit;
+            f.y[i] += slot_f.y[i] * lit;
+            f.z[i] += slot_f.z[i] * lit;
+            s.pdf[i] += s.slot_pdf[i] * weight[i];
+        }
+        if (!shares) continue;
+        const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
+        if (slot.lobe == LobeKind::Transmission) continue;
+        for (int i = 0; i < n; ++i) {
+            const float lit = (s.light.visibility[i] & needed) ? 1.0f : 0.0f;
+            store(part, i, load(part, i) + load(slot_f, i) * lit);
+        }
+    }
+    for (int i = 0; i < n; ++i) s.pdf[i] = s.weight_sum[i] > 0.0f ? s.pdf[i] / s.weight_sum[i] : 0.0f;
+}
+
+TALBOT_INLINE Vec3 ratio(Vec3 a, Vec3 b) {
+    return {b.x != 0.0f ? a.x / b.x : 0.0f, b.y != 0.0f ? a.y / b.y : 0.0f, b.z != 0.0f ? a.z / b.z : 0.0f};
+}
+
+}  // namespace
+
+void sample_light(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, light::Stratum stratum) {
+    const scene::Settings& settings = *context.settings;
+    PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    ShadowQueue& queue = worker.shadow;
+    const int n = s.span.n;
+    bool scatters = false;
+    for (const ClosureSlot& slot : program.slots) scatters = scatters || (slot.lobe != LobeKind::None && slot.lobe != LobeKind::Transparent);
+    if (!scatters) return;
+
+    const bool distant = stratum == light::Stratum::Distant;
+    const Pair pick = distant ? Pair::DistantPick : Pair::LightPick, position = distant ? Pair::DistantPosition : Pair::LightPosition;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const Vec2 a = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], pick));
+        const Vec2 b = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], position));
+        s.u0[i] = a.x;
+        s.v0[i] = a.y;
+        s.u1[i] = b.x;
+        s.v1[i] = b.y;
+    }
+    light::LightQuery query;
+    query.p = s.span.p;
+    query.n_s = s.span.n_s;
+    query.pick_u = s.u0;
+    query.pick_v = s.v0;
+    query.u = s.u1;
+    query.v = s.v1;
+    query.bounce = s.span.depth;
+    query.n = n;
+    light::sample_emitters(*context.emitters, stratum, query, *context.programs, *context.shading, s.emitter, s.light);
+    std::memcpy(s.wi.x, s.light.wi.x, size_t(n) * 4);
+    std::memcpy(s.wi.y, s.light.wi.y, size_t(n) * 4);
+    std::memcpy(s.wi.z, s.light.wi.z, size_t(n) * 4);
+    const bool shares = context.layout->light_passes;
+    eval_closures(context, worker, program, geometry, shares);
+    geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
+
+    const float limit_direct = 3.0f * settings.clamp_direct, limit_indirect = 3.0f * settings.clamp_indirect;
+    const float inverse_threshold = settings.light_threshold > 0.0f ? 1.0f / settings.light_threshold : 0.0f;
+    // Contribution of each lane in s.rgb, 0 where there is none.
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const float pdf = s.light.pdf[i];
+        const float mis = s.light.is_delta[i] ? 1.0f : power_heuristic(pdf, s.pdf[i]);
+        const float scale = pdf > 0.0f ? mis / pdf : 0.0f;
+        s.rgb.x[i] = s.f.x[i] * s.light.radiance.x[i] * scale;
+        s.rgb.y[i] = s.f.y[i] * s.light.radiance.y[i] * scale;
+        s.rgb.z[i] = s.f.z[i] * s.light.radiance.z[i] * scale;
+    }
+    for (int i = 0; i < n; ++i) {
+        Rgb c = load(s.rgb, i);
+        const float strongest = max_component(c);
+        if (!(strongest > 0.0f) || (s.path_flags[i] & kPathEndAtSurface)) continue;
+        // Weak samples: trace only some, at higher weight.
+        if (strongest * inverse_threshold < 1.0f && inverse_threshold > 0.0f) {
+            const float keep = strongest * inverse_threshold;
+            const Vec2 r = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::Roulette));
+            if ((distant ? r.y : 1.0f - r.y) >= keep) continue;
+            c = c / keep;
+        }
+        const int bounces = total_bounces(s.bounces[i]);
+        c = clamp_contribution(c * load(s.throughput, i), bounces > 0 ? limit_indirect : limit_direct);
+        const int32_t lane = s.lane[i];
+        const int k = queue.n++;
+        store(queue.rgb, k, c);
+        // The ray ends just short of the light: emissive triangles must not block themselves.
+        const Vec3 origin = load(s.tmp3, i);
+        const float distance = s.light.distance[i];
+        Vec3 direction = load(s.wi, i);
+        float t_max = 3.0e38f;
+        if (distance < 1.0e30f) {
+            const Vec3 target = load(s.span.p, i) + direction * distance;
+            const Vec3 d = target - origin;
+            const float l = length(d);
+            direction = l > 0.0f ? d / l : direction;
+            t_max = l * (1.0f - 2e-4f);
+        }
+        store(queue.origin, k, origin);
+        store(queue.direction, k, direction);
+        queue.t_max[k] = s.light.casts_shadow[i] ? t_max : -1.0f;
+        queue.pixel[k] = paths.pixel[lane];
+        queue.indirect[k] = bounces > 0;
+        queue.lane[k] = lane;
+        queue.visibility[k] = scene::kVisibleShadow;
+        queue.crossed[k] = s.span.transparent_depth[i];
+        if (shares) {
+            store(queue.diffuse_share, k, bounces > 0 ? load(paths.diffuse_share, lane) : ratio(load(s.f_diffuse, i), load(s.f, i)));
+            store(queue.glossy_share, k, bounces > 0 ? load(paths.glossy_share, lane) : ratio(load(s.f_glossy, i), load(s.f, i)));
+        }
+    }
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

@@ -1,0 +1,215 @@
+/// What rays meet besides surfaces: lamps on the way, and the world and suns at the end. Light found by a scattered ray is weighted against
+/// the light samples that could have found it (multiple importance sampling); behind a delta lobe or the camera it counts fully.
+
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+namespace {
+
+/// Sends span scratch `rgb` (radiance) of n path lanes to the film: throughput, clamp, category by the number of scatterings.
+void add_found_light(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, Columns3 rgb, film::Category direct_hit, film::TileFilm& tile) {
+    const scene::Settings& settings = *context.settings;
+    PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    const float limit_direct = 3.0f * settings.clamp_direct, limit_indirect = 3.0f * settings.clamp_indirect;
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        const int bounces = total_bounces(paths.bounces[lane]);
+        store(rgb, i, clamp_contribution(load(paths.throughput, lane) * load(rgb, i), bounces > 1 ? limit_indirect : limit_direct));
+    }
+    for (int category = 0; category < 3; ++category) {
+        int count = 0;
+        for (int i = 0; i < n; ++i) {
+            const int32_t lane = lanes[i];
+            const int bounces = total_bounces(paths.bounces[lane]);
+            if ((bounces > 2 ? 2 : bounces) != category) continue;
+            const Rgb c = load(rgb, i);
+            if (c.x == 0.0f && c.y == 0.0f && c.z == 0.0f) continue;
+            s.itmp[count] = paths.pixel[lane];
+            store(s.tmp3, count, c);
+            if (context.layout->light_passes) {
+                store(s.share_a, count, load(paths.diffuse_share, lane));
+                store(s.share_b, count, load(paths.glossy_share, lane));
+            }
+            ++count;
+        }
+        if (count == 0) continue;
+        film::Contributions c;
+        c.pixel = s.itmp;
+        c.rgb = s.tmp3;
+        c.n = count;
+        if (context.layout->light_passes) {
+            c.diffuse = s.share_a;
+            c.glossy = s.share_b;
+        }
+        film::add(tile, category == 0 ? direct_hit : category == 1 ? film::Category::Direct : film::Category::Indirect, c);
+    }
+}
+
+/// Fills the neutral columns of a background span from path lanes.
+void background_span(const Worker& worker, const int32_t* lanes, int n, shader::ShadingSpan& span, int32_t constants) {
+    const PathColumns& paths = worker.paths;
+    span.n = n;
+    span.is_background = true;
+    span.is_lamp = false;
+    span.uniform_constants = true;
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        const Vec3 d = load(paths.direction, lane);
+        store(span.p, i, d);
+        store(span.n_s, i, -d);
+        store(span.n_g, i, -d);
+        store(span.wo, i, -d);
+        span.u[i] = span.v[i] = 0.0f;
+        span.ray_length[i] = 3.0e38f;
+        span.footprint[i] = paths.cone_spread[lane];
+        span.object[i] = span.primitive[i] = -1;
+        span.constants[i] = constants;
+        span.ray_flags[i] = paths.flags[lane] & shader::kRayAny;
+        span.backfacing[i] = 0;
+        span.depth[i] = total_bounces(paths.bounces[lane]);
+        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
+        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
+        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
+        span.transparent_depth[i] = paths.vertex[lane] >> 16;
+        span.key[i] = paths.key[lane];
+        span.sample[i] = paths.sample[lane];
+        span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
+    }
+}
+
+void world_radiance(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, Columns3 rgb) {
+    const light::EmitterSummary& summary = context.emitter_summary;
+    SpanScratch& s = worker.scratch;
+    PathColumns& paths = worker.paths;
+    if (summary.world_is_black) {
+        for (int i = 0; i < n; ++i) store(rgb, i, Rgb{});
+        return;
+    }
+    if (summary.world_is_constant) {
+        for (int i = 0; i < n; ++i) store(rgb, i, summary.constant_world);
+    } else {
+        const shader::CompiledShader& compiled = context.programs->shaders[size_t(summary.world_shader)];
+        const shader::Program& program = *context.programs->programs[size_t(compiled.emission)];
+        background_span(worker, lanes, n, s.span, compiled.constants);
+        shader::run_program(program, *context.programs, s.span, *context.shading, s.registers);
+        for (int c = 0; c < 3; ++c) {
+            const float* column = s.registers + size_t(program.emission + c) * kSpan;
+            std::memcpy(c == 0 ? rgb.x : c == 1 ? rgb.y : rgb.z, column, size_t(n) * 4);
+        }
+    }
+    // Weight against the importance map's samples; a constant world is never light-sampled.
+    if (context.emitter_summary.has_distant && !summary.world_is_constant) {
+        gather3(paths.direction, lanes, n, s.wi);
+        light::pdf_background(*context.emitters, s.wi, n, s.pdf);
+        for (int i = 0; i < n; ++i) {
+            const int32_t lane = lanes[i];
+            if ((paths.flags[lane] & kPathDelta) || s.pdf[i] <= 0.0f) continue;
+            store(rgb, i, load(rgb, i) * power_heuristic(paths.bsdf_pdf[lane], s.pdf[i]));
+        }
+    }
+    for (int i = 0; i < n; ++i) {
+        if (!(summary.world_visibility & uint32_t(ray_visibility(paths.flags[lanes[i]])))) store(rgb, i, Rgb{});
+    }
+}
+
+}  // namespace
+
+void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
+    const scene::Settings& settings = *context.settings;
+    PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    for (int begin = 0; begin < n; begin += kSpan) {
+        const int32_t* span_lanes = lanes + begin;
+        const int m = n - begin < kSpan ? n - begin : kSpan;
+        world_radiance(context, worker, span_lanes, m, s.rgb);
+
+        // A transparent film sees no world: the pixel lets that much through.
+        if (settings.film_transparent) {
+            int count = 0;
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = span_lanes[i];
+                if (!(paths.flags[lane] & kPathSeesBackground)) continue;
+                s.itmp[count] = paths.pixel[lane];
+                s.tmp[count++] = mean(load(paths.throughput, lane));
+                store(s.rgb, i, Rgb{});
+            }
+            film::add_alpha(tile, s.itmp, s.tmp, count);
+        }
+        if (context.emitter_summary.has_distant) {
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = span_lanes[i];
+                store(s.wi, i, load(paths.direction, lane));
+                s.itmp[i] = ray_visibility(paths.flags[lane]);
+                s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
+            }
+            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3);
+            for (int i = 0; i < m; ++i) store(s.rgb, i, load(s.rgb, i) + load(s.tmp3, i));
+        }
+        add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
+    }
+}
+
+void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
+    PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    constexpr int kMaxLampsOnRay = 16;
+    for (int begin = 0; begin < n; begin += kSpan) {
+        int m = n - begin < kSpan ? n - begin : kSpan;
+        std::memcpy(s.list, lanes + begin, size_t(m) * 4);
+        for (int i = 0; i < m; ++i) {
+            const int32_t lane = s.list[i];
+            store(s.f, i, load(paths.origin, lane));
+            s.tmp[i] = paths.hit.object[lane] >= 0 ? paths.hit.t[lane] : paths.t_max[lane];
+        }
+        // A lamp lets the ray pass: walk from lamp to lamp.
+        for (int turn = 0; turn < kMaxLampsOnRay && m > 0; ++turn) {
+            for (int i = 0; i < m; ++i) {
+                store(s.wi, i, load(paths.direction, s.list[i]));
+                s.itmp[i] = ray_visibility(paths.flags[s.list[i]]);
+            }
+            light::intersect_lamps(*context.emitters, s.f, s.wi, s.tmp, s.itmp, m, s.chosen, s.tmp2);
+            int count = 0;
+            for (int i = 0; i < m; ++i) {
+                if (s.chosen[i] < 0) continue;
+                s.list[count] = s.list[i];
+                s.chosen[count] = s.chosen[i];
+                store(s.f, count, load(s.f, i));
+                s.tmp[count] = s.tmp[i];
+                s.tmp2[count] = s.tmp2[i];
+                ++count;
+            }
+            m = count;
+            if (m == 0) break;
+            // Densities are those of the last scattering point, which may lie behind transparent surfaces.
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = s.list[i];
+                const Vec3 d = load(paths.direction, lane);
+                const Vec3 at = load(s.f, i) + d * s.tmp2[i];
+                const float distance = length(at - load(paths.origin, lane)) + paths.mis_t[lane];
+                store(s.wi, i, d);
+                store(s.slot_f, i, at - d * distance);
+                s.pdf[i] = distance;
+                s.itmp[i] = paths.flags[lane] & shader::kRayAny;
+            }
+            light::shade_lamps(*context.emitters, s.slot_f, s.wi, s.chosen, s.pdf, s.itmp, m, *context.programs, *context.shading, s.emitter, s.rgb,
+                               s.slot_pdf);
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = s.list[i];
+                const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);
+                store(s.rgb, i, load(s.rgb, i) * w);
+            }
+            add_found_light(context, worker, s.list, m, s.rgb, film::Category::Emission, tile);
+            for (int i = 0; i < m; ++i) {
+                const float step = s.tmp2[i] * (1.0f + 1e-4f) + 1e-6f;
+                store(s.f, i, load(s.f, i) + load(paths.direction, s.list[i]) * step);
+                s.tmp[i] -= step;
+            }
+        }
+    }
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

@@ -1,0 +1,236 @@
+/// One span of surface hits: shading points, node program, emission, then light samples and scattering.
+
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+namespace {
+
+void gather_span(const RenderContext& context, Worker& worker, const int32_t* lanes, int n) {
+    const PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    shader::ShadingSpan& span = s.span;
+    span.n = n;
+    span.is_background = false;
+    span.is_lamp = false;
+    span.lamp_object = -1;
+    std::memcpy(s.lane, lanes, size_t(n) * 4);
+    gather3(paths.throughput, lanes, n, s.throughput);
+    gather(paths.flags, lanes, n, s.path_flags);
+    gather(paths.bounces, lanes, n, s.bounces);
+    gather3(paths.direction, lanes, n, span.wo);
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        const float t = paths.hit.t[lane];
+        span.wo.x[i] = -span.wo.x[i];
+        span.wo.y[i] = -span.wo.y[i];
+        span.wo.z[i] = -span.wo.z[i];
+        span.ray_length[i] = t;
+        span.footprint[i] = paths.cone_width[lane] + paths.cone_spread[lane] * t;
+        span.ray_flags[i] = s.path_flags[i] & shader::kRayAny;
+        span.depth[i] = total_bounces(s.bounces[i]);
+        span.diffuse_depth[i] = diffuse_bounces(s.bounces[i]);
+        span.glossy_depth[i] = glossy_bounces(s.bounces[i]);
+        span.transmission_depth[i] = transmission_bounces(s.bounces[i]);
+        span.transparent_depth[i] = paths.vertex[lane] >> 16;
+        span.key[i] = paths.key[lane];
+        span.sample[i] = paths.sample[lane];
+        span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
+    }
+    geometry::hit_shaders(*context.scene, paths.hit, lanes, n, s.itmp);
+    bool uniform = true;
+    for (int i = 0; i < n; ++i) {
+        span.constants[i] = context.programs->shaders[size_t(s.itmp[i])].constants;
+        uniform = uniform && span.constants[i] == span.constants[0];
+    }
+    span.uniform_constants = uniform;
+}
+
+/// Radiance the surface emits towards the path, weighted against the light samples that could have found it.
+void add_emission(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
+    const scene::Settings& settings = *context.settings;
+    const PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    const shader::ShadingSpan& span = s.span;
+    const float* registers = s.registers + size_t(program.emission) * kSpan;
+    const ConstColumns3 emitted{registers, registers + kSpan, registers + 2 * kSpan};
+
+    int weighted = 0;  // lanes that light sampling might have found
+    for (int i = 0; i < span.n; ++i) {
+        const Rgb e = load(emitted, i);
+        const bool dark = e.x == 0.0f && e.y == 0.0f && e.z == 0.0f;
+        if (!dark && !(s.path_flags[i] & kPathDelta)) s.list[weighted++] = i;
+        s.tmp[i] = 1.0f;
+    }
+    if (weighted > 0) {
+        for (int k = 0; k < weighted; ++k) {
+            const int i = s.list[k];
+            const int32_t lane = s.lane[i];
+            const Vec3 d = -load(span.wo, i);
+            const float t = span.ray_length[i] + paths.mis_t[lane];
+            store(s.wi, k, d);
+            store(s.f, k, load(span.p, i) - d * t);
+            s.tmp2[k] = t;
+            const float side = span.backfacing[i] ? -1.0f : 1.0f;
+            store(s.slot_f, k, load(span.n_g, i) * side);
+            s.chosen[k] = span.object[i];
+            s.list2[k] = span.primitive[i];
+        }
+        light::pdf_triangles(*context.emitters, s.f, s.wi, s.tmp2, s.slot_f, s.chosen, s.list2, weighted, s.slot_pdf);
+        for (int k = 0; k < weighted; ++k) {
+            if (s.slot_pdf[k] > 0.0f) s.tmp[s.list[k]] = power_heuristic(paths.bsdf_pdf[s.lane[s.list[k]]], s.slot_pdf[k]);
+        }
+    }
+
+    for (int category = 0; category < 3; ++category) {
+        int count = 0;
+        const float limit = 3.0f * (category == 2 ? settings.clamp_indirect : settings.clamp_direct);
+        for (int i = 0; i < span.n; ++i) {
+            const int bounces = total_bounces(s.bounces[i]);
+            if ((bounces > 2 ? 2 : bounces) != category) continue;
+            const Rgb c = clamp_contribution(load(s.throughput, i) * load(emitted, i) * s.tmp[i], limit);
+            if (c.x == 0.0f && c.y == 0.0f && c.z == 0.0f) continue;
+            const int32_t lane = s.lane[i];
+            s.itmp[count] = paths.pixel[lane];
+            store(s.rgb, count, c);
+            if (context.layout->light_passes) {
+                store(s.share_a, count, load(paths.diffuse_share, lane));
+                store(s.share_b, count, load(paths.glossy_share, lane));
+            }
+            ++count;
+        }
+        if (count == 0) continue;
+        film::Contributions c;
+        c.pixel = s.itmp;
+        c.rgb = s.rgb;
+        c.n = count;
+        if (context.layout->light_passes) {
+            c.diffuse = s.share_a;
+            c.glossy = s.share_b;
+        }
+        film::add(tile, category == 0 ? film::Category::Emission : category == 1 ? film::Category::Direct : film::Category::Indirect, c);
+    }
+}
+
+/// Holdout closures and objects cut a hole: what they absorb becomes transparency of the pixel.
+void add_holdout(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
+    SpanScratch& s = worker.scratch;
+    const shader::ShadingSpan& span = s.span;
+    int count = 0;
+    for (int i = 0; i < span.n; ++i) s.tmp[i] = 0.0f;
+    for (const ClosureSlot& slot : program.slots) {
+        if (slot.type != ClosureType::Holdout) continue;
+        const ClosureColumns c = slot_columns(slot, s.registers);
+        for (int i = 0; i < span.n; ++i) s.tmp[i] += mean(load(c.weight, i));
+    }
+    for (int i = 0; i < span.n; ++i) {
+        const bool object = context.scene->objects[span.object[i]].is_holdout;
+        float absorbed = object ? 1.0f : s.tmp[i];
+        if (object) {
+            for (const ClosureSlot& slot : program.slots) {
+                float* w = s.registers + size_t(slot.weight) * kSpan;
+                w[i] = w[kSpan + i] = w[2 * kSpan + i] = 0.0f;
+            }
+        }
+        if (absorbed == 0.0f || !(s.path_flags[i] & kPathSeesBackground)) continue;
+        s.itmp[count] = worker.paths.pixel[s.lane[i]];
+        s.tmp2[count++] = absorbed * mean(load(s.throughput, i));
+    }
+    film::add_alpha(tile, s.itmp, s.tmp2, count);
+}
+
+/// Drops lobes that the caustics switches forbid behind a diffuse scattering, widens narrow ones (filter glossy), and
+/// leaves only transparency to paths at a bounce limit.
+void restrict_closures(const RenderContext& context, Worker& worker, const shader::Program& program) {
+    const scene::Settings& settings = *context.settings;
+    SpanScratch& s = worker.scratch;
+    const int n = s.span.n;
+    const bool blur = settings.filter_glossy > 0.0f;
+    if (blur) {
+        const float inverse = 1.0f / settings.filter_glossy;
+        bool any = false;
+        for (int i = 0; i < n; ++i) {
+            const float p = worker.paths.min_pdf[s.lane[i]] * inverse;
+            s.tmp[i] = p < 1.0f ? 0.5f * std::sqrt(1.0f - p) : 0.0f;
+            any = any || p < 1.0f;
+        }
+        if (any) {
+            for (const ClosureSlot& slot : program.slots) {
+                float* params[kMaxClosureParams] = {};
+                for (int k = 0; k < slot.param_count; ++k) params[k] = s.registers + size_t(slot.params[k]) * kSpan;
+                closure_blur(slot, params, s.tmp, n);
+            }
+        }
+    }
+    for (const ClosureSlot& slot : program.slots) {
+        const bool transmits = slot.lobe == LobeKind::Transmission;
+        const bool glass = slot.type == ClosureType::MicrofacetGlass;  // has both sides: dropped only when neither is allowed
+        const bool drop = glass ? !settings.caustics_reflective && !settings.caustics_refractive
+                                : (slot.lobe == LobeKind::Glossy && !settings.caustics_reflective) || (transmits && !settings.caustics_refractive);
+        const bool passes = slot.type == ClosureType::Transparent;
+        float* w = s.registers + size_t(slot.weight) * kSpan;
+        for (int i = 0; i < n; ++i) {
+            const bool dead = (drop && (s.path_flags[i] & shader::kRayDiffuse)) || (!passes && (s.path_flags[i] & kPathEndAtSurface));
+            const float keep = dead ? 0.0f : 1.0f;
+            w[i] *= keep;
+            w[kSpan + i] *= keep;
+            w[2 * kSpan + i] *= keep;
+        }
+    }
+}
+
+}  // namespace
+
+int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors) {
+    SpanScratch& s = worker.scratch;
+    gather_span(context, worker, lanes, n);
+    const shader::CompiledShader& compiled = context.programs->shaders[size_t(s.itmp[0])];
+    geometry::shade_points(*context.scene, worker.paths.hit, lanes, n, s.span, s.error);
+
+    int alive = 0;
+    if (compiled.surface >= 0) {
+        const shader::Program& program = *context.programs->programs[size_t(compiled.surface)];
+        shader::run_program(program, *context.programs, s.span, *context.shading, s.registers);
+
+        ClosureGeometry geometry;
+        geometry.wo = s.span.wo;
+        geometry.ng = s.span.n_g;
+        geometry.ns = s.span.n_s;
+        geometry.version = context.settings->version;
+
+        add_holdout(context, worker, program, tile);
+        if (program.emission != shader::kNoRegister) add_emission(context, worker, program, tile);
+        if (context.layout->data_passes) write_data_passes(context, worker, program, geometry, tile);
+        restrict_closures(context, worker, program);
+
+        // Sampling weights of the slots, shared by light samples (densities) and scattering (choice).
+        for (int i = 0; i < n; ++i) s.weight_sum[i] = 0.0f;
+        for (size_t k = 0; k < program.slots.size(); ++k) {
+            const ClosureSlot& slot = program.slots[k];
+            float* weight = s.slot_weight + k * kSpan;
+            if (slot.lobe == LobeKind::None) {
+                fill(weight, n, 0.0f);
+                continue;
+            }
+            closure_sampling_weight(slot, slot_columns(slot, s.registers), geometry, n, weight);
+            for (int i = 0; i < n; ++i) s.weight_sum[i] += weight[i];
+        }
+        if (context.emitter_summary.has_local) sample_light(context, worker, program, geometry, light::Stratum::Local);
+        if (context.emitter_summary.has_distant) sample_light(context, worker, program, geometry, light::Stratum::Distant);
+        alive = scatter_paths(context, worker, program, geometry, survivors);
+    }
+    // Lanes that did not survive are free: survivors keep the span's order, so one walk finds the others.
+    int k = 0;
+    for (int i = 0; i < n; ++i) {
+        if (k < alive && survivors[k] == lanes[i])
+            ++k;
+        else
+            worker.free_lanes[worker.free_count++] = lanes[i];
+    }
+    return alive;
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

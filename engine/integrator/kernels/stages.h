@@ -1,0 +1,72 @@
+/// The stages, in the order of the loop. Each works on lists of lanes and leaves the path columns ready for the next.
+#pragma once
+
+#include "geometry/surface.h"
+#include "integrator/kernels.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+/// Starts paths in free lanes: samples [cursor, ...) of the unit in pixel order within a sample. Returns how many; their lanes are in worker.fresh.
+int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, film::TileFilm& tile);
+
+/// Closest hits of the listed lanes.
+void intersect_paths(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, const geometry::TraceOptions& options);
+
+/// Lamps between the origin and the hit: they emit and let the ray pass.
+void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
+
+/// World and suns for rays that left the scene; these paths end.
+void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
+
+/// Up to kSpan lanes whose shaders share a program: emission, light samples into the shadow queue, next direction. Writes the lanes that go on to
+/// `survivors` and returns their number.
+int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors);
+
+/// First-hit passes of camera paths in the span whose program has run.
+void write_data_passes(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, film::TileFilm& tile);
+
+/// Light samples of the span whose program has run; pushes shadow rays.
+void sample_light(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, light::Stratum stratum);
+
+/// Chooses a slot and a direction for each lane and updates the path. Returns survivors.
+int scatter_paths(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, int32_t* survivors);
+
+/// Shadow rays of this turn: what is not blocked reaches the film.
+void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& tile);
+
+/// The slot's columns over the span's registers.
+TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* registers) {
+    ClosureColumns c;
+    auto column = [&](int r) { return registers + size_t(r) * kSpan; };
+    c.weight = {column(slot.weight), column(slot.weight + 1), column(slot.weight + 2)};
+    c.normal = {column(slot.normal), column(slot.normal + 1), column(slot.normal + 2)};
+    for (int i = 0; i < slot.param_count; ++i) c.params[i] = column(slot.params[i]);
+    return c;
+}
+
+/// scene::Visibility bit of the kind of ray, from its flags: transmission wins, then camera, diffuse, glossy.
+TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
+    const int32_t transmission = flags & shader::kRayTransmission;
+    const int32_t camera = flags & shader::kRayCamera;
+    const int32_t diffuse = flags & shader::kRayDiffuse;
+    return transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
+}
+
+/// Scales a contribution whose channels sum to more than `limit` (0: no limit); non-finite becomes black.
+TALBOT_INLINE Rgb clamp_contribution(Rgb c, float limit) {
+    const float s = std::fabs(c.x) + std::fabs(c.y) + std::fabs(c.z);
+    const float scale = limit > 0.0f && s > limit ? limit / s : 1.0f;
+    const bool finite = s < 3.0e38f;  // false for NaN too
+    return {finite ? c.x * scale : 0.0f, finite ? c.y * scale : 0.0f, finite ? c.z * scale : 0.0f};
+}
+
+/// Power heuristic [Veach 1997, eq. 9.13 with beta = 2].
+TALBOT_INLINE float power_heuristic(float a, float b) {
+    // Divided through by a^2, so that large densities do not overflow.
+    const float r = b / a;
+    return a > 0.0f ? 1.0f / (1.0f + r * r) : 0.0f;
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

@@ -1,0 +1,14 @@
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile);
+
+const KernelTable& kernel_table() {
+    static constexpr KernelTable table{TALBOT_ISA_NAME, &render_unit};
+    return table;
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

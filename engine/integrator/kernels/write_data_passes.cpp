@@ -1,0 +1,115 @@
+/// Passes of the first thing a camera path meets: geometry of the hit, colours of its closures, guides for the denoiser.
+/// Transparent surfaces give their share and hand the rest on.
+
+#include "integrator/kernels/stages.h"
+
+namespace talbot::integrator {
+inline namespace TALBOT_ISA {
+
+void write_data_passes(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, film::TileFilm& tile) {
+    using scene::PassKind;
+    PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    const shader::ShadingSpan& span = s.span;
+    const film::FilmLayout& layout = *context.layout;
+    const scene::Camera& camera = *context.camera;
+
+    // Lanes that write, their pixels, and how much of the pixel they stand for.
+    int n = 0;
+    for (int i = 0; i < span.n; ++i) {
+        const bool writes = (s.path_flags[i] & shader::kRayCamera) && !(s.path_flags[i] & kPathDataDone);
+        s.list[n] = i;
+        n += writes;
+    }
+    if (n == 0) return;
+    fill(s.tmp, span.n, 0.0f);
+    for (const ClosureSlot& slot : program.slots) {
+        if (slot.type != ClosureType::Transparent) continue;
+        const ClosureColumns c = slot_columns(slot, s.registers);
+        for (int i = 0; i < span.n; ++i) s.tmp[i] += mean(load(c.weight, i));
+    }
+    for (int k = 0; k < n; ++k) {
+        const int i = s.list[k];
+        s.itmp[k] = paths.pixel[s.lane[i]];
+        s.tmp2[k] = saturate(1.0f - s.tmp[i]) * mean(load(s.throughput, i));
+        // Blender's alpha threshold of data passes: what is behind a mostly opaque surface does not count.
+        if (1.0f - s.tmp[i] >= 0.5f) paths.flags[s.lane[i]] |= kPathDataDone;
+    }
+
+    const Vec3 eye{camera.to_world.m[0][3], camera.to_world.m[1][3], camera.to_world.m[2][3]};
+    const Vec3 axis = normalize(Vec3{-camera.to_world.m[0][2], -camera.to_world.m[1][2], -camera.to_world.m[2][2]});
+    const bool planar = camera.type != scene::CameraType::Panoramic;
+    auto scalar = [&](PassKind kind, auto&& value) {
+        if (!layout.has(kind)) return;
+        for (int k = 0; k < n; ++k) s.tmp3.x[k] = value(s.list[k]);
+        const float* columns[] = {s.tmp3.x};
+        film::add_data(tile, kind, s.itmp, columns, s.tmp2, n);
+    };
+    auto vector = [&](PassKind kind, auto&& value) {
+        if (!layout.has(kind)) return;
+        for (int k = 0; k < n; ++k) store(s.tmp3, k, value(s.list[k]));
+        const float* columns[] = {s.tmp3.x, s.tmp3.y, s.tmp3.z};
+        film::add_data(tile, kind, s.itmp, columns, s.tmp2, n);
+    };
+    auto distance = [&](int i) { return length(load(span.p, i) - eye); };
+    scalar(PassKind::Depth, [&](int i) { return planar ? dot(load(span.p, i) - eye, axis) : distance(i); });
+    scalar(PassKind::Mist, [&](int i) { return film::mist_amount(*context.settings, distance(i)); });
+    scalar(PassKind::ObjectIndex, [&](int i) { return float(context.scene->objects[span.object[i]].pass_index); });
+    if (layout.has(PassKind::MaterialIndex)) {
+        for (int k = 0; k < n; ++k) s.list2[k] = s.lane[s.list[k]];
+        geometry::hit_shaders(*context.scene, paths.hit, s.list2, n, s.chosen);
+        for (int k = 0; k < n; ++k) s.tmp3.x[k] = float(context.programs->shaders[size_t(s.chosen[k])].pass_index);
+        const float* columns[] = {s.tmp3.x};
+        film::add_data(tile, PassKind::MaterialIndex, s.itmp, columns, s.tmp2, n);
+    }
+    vector(PassKind::Position, [&](int i) { return load(span.p, i); });
+    // The mean of the closures' normals (bump included), the geometry's where nothing scatters.
+    fill(s.share_a.x, span.n, 0.0f), fill(s.share_a.y, span.n, 0.0f), fill(s.share_a.z, span.n, 0.0f);
+    if (layout.has(PassKind::Normal) || layout.has(PassKind::DenoisingNormal)) {
+        for (const ClosureSlot& slot : program.slots) {
+            if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
+            const ClosureColumns c = slot_columns(slot, s.registers);
+            for (int i = 0; i < span.n; ++i) store(s.share_a, i, load(s.share_a, i) + load(c.normal, i) * mean(load(c.weight, i)));
+        }
+    }
+    auto normal = [&](int i) {
+        const Vec3 sum = load(s.share_a, i);
+        return dot(sum, sum) > 0.0f ? normalize(sum) : load(span.n_s, i);
+    };
+    vector(PassKind::Normal, normal);
+    vector(PassKind::DenoisingNormal, normal);
+    if (layout.has(PassKind::Vector3Uv)) {
+        // The active UV map at the hit, interpolated from the corners.
+        vector(PassKind::Vector3Uv, [&](int i) {
+            const scene::MeshView& mesh = context.scene->meshes[context.scene->objects[span.object[i]].mesh];
+            if (context.uv_attribute < 0 || !mesh.attributes || !mesh.triangle_corners) return Vec3{};
+            const scene::AttributeView& uv = mesh.attributes[context.uv_attribute];
+            if (!uv.data || uv.domain != scene::Domain::Corner || uv.components < 2) return Vec3{};
+            const int stride = uv.components;
+            const uint32_t* corner = mesh.triangle_corners + 3 * size_t(span.primitive[i]);
+            const float u = span.u[i], v = span.v[i], w = 1.0f - u - v;
+            const float *a = uv.data + stride * size_t(corner[0]), *b = uv.data + stride * size_t(corner[1]), *c = uv.data + stride * size_t(corner[2]);
+            return Vec3{w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], 1.0f};
+        });
+    }
+
+    const bool colors = layout.has(PassKind::DiffuseColor) || layout.has(PassKind::GlossyColor) || layout.has(PassKind::TransmissionColor);
+    if (!colors && !layout.has(PassKind::DenoisingAlbedo)) return;
+    Columns3 sums[3] = {s.f_diffuse, s.f_glossy, s.slot_f};
+    for (Columns3 sum : sums) fill(sum.x, span.n, 0.0f), fill(sum.y, span.n, 0.0f), fill(sum.z, span.n, 0.0f);
+    for (const ClosureSlot& slot : program.slots) {
+        if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
+        closure_albedo(slot, slot_columns(slot, s.registers), geometry, span.n, s.rgb);
+        const Columns3 sum = sums[slot.lobe == LobeKind::Diffuse ? 0 : slot.lobe == LobeKind::Glossy ? 1 : 2];
+        for (int i = 0; i < span.n; ++i) store(sum, i, load(sum, i) + load(s.rgb, i));
+    }
+    auto throughput = [&](int i) { return load(s.throughput, i); };
+    for (int k = 0; k < n; ++k) s.tmp2[k] = 1.0f;  // colours carry their own weights
+    vector(PassKind::DiffuseColor, [&](int i) { return load(sums[0], i) * throughput(i); });
+    vector(PassKind::GlossyColor, [&](int i) { return load(sums[1], i) * throughput(i); });
+    vector(PassKind::TransmissionColor, [&](int i) { return load(sums[2], i) * throughput(i); });
+    vector(PassKind::DenoisingAlbedo, [&](int i) { return (load(sums[0], i) + load(sums[1], i) + load(sums[2], i)) * throughput(i); });
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::integrator

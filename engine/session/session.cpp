@@ -1,0 +1,176 @@
+#include "session/session.h"
+
+#include <algorithm>
+
+#include "session/state.h"
+
+namespace talbot {
+
+namespace {
+
+bool is_running(SessionState state) {
+    return state == SessionState::Updating || state == SessionState::Rendering || state == SessionState::Paused;
+}
+
+void control(Session::State& s) {
+    FlushDenormals flush;
+    SessionState end = SessionState::Done;
+    std::string status = "Done", error;
+    try {
+        update_render_data(s);
+        render_samples(s);
+    } catch (const Cancelled&) {
+        end = SessionState::Cancelled;
+        status = "Cancelled";
+    } catch (const std::bad_alloc&) {
+        end = SessionState::Failed;
+        error = "Out of memory";
+    } catch (const std::exception& e) {
+        end = SessionState::Failed;
+        error = e.what();
+    }
+    if (end == SessionState::Failed) status = error;
+    std::lock_guard lock(s.mutex);
+    s.error = error;
+    s.progress.state = end;
+    s.progress.status = status;
+    s.progress.seconds = seconds_since(s.started);
+    if (end == SessionState::Done) s.progress.fraction = 1;
+    s.progress.remaining = 0;
+    s.changed.notify_all();
+}
+
+}  // namespace
+
+void Session::State::set_status(SessionState state, const std::string& status) {
+    std::lock_guard lock(mutex);
+    progress.state = state;
+    progress.status = status;
+}
+
+Session::Session() : state_(std::make_unique<State>()) {}
+
+Session::~Session() {
+    stop();
+}
+
+scene::Scene& Session::edit() {
+    stop();
+    return state_->scene;
+}
+
+void Session::start() {
+    stop();
+    State& s = *state_;
+    s.cancel = false;
+    s.paused = false;
+    s.started = Clock::now();
+    {
+        std::lock_guard lock(s.mutex);
+        const uint64_t version = s.progress.image_version;
+        const size_t peak = s.progress.memory_peak;
+        s.progress = {};
+        s.progress.state = SessionState::Updating;
+        s.progress.status = "Updating";
+        s.progress.image_version = version;
+        s.progress.memory_peak = peak;
+        s.progress.samples_total = s.scene.settings.samples;
+        s.error.clear();
+    }
+    s.report.clear();
+    s.controller = std::thread([&s] { control(s); });
+}
+
+bool Session::wait(int milliseconds) {
+    State& s = *state_;
+    std::unique_lock lock(s.mutex);
+    return s.changed.wait_for(lock, std::chrono::milliseconds(milliseconds), [&] { return !is_running(s.progress.state); });
+}
+
+void Session::cancel() {
+    state_->cancel = true;
+}
+
+void Session::stop() {
+    state_->cancel = true;
+    if (state_->controller.joinable()) state_->controller.join();
+}
+
+void Session::pause(bool paused) {
+    state_->paused = paused;
+}
+
+Progress Session::progress() const {
+    const State& s = *state_;
+    std::lock_guard lock(s.mutex);
+    Progress p = s.progress;
+    if (is_running(p.state)) p.seconds = seconds_since(s.started);
+    if (p.state == SessionState::Rendering && s.paused) p.state = SessionState::Paused;
+    return p;
+}
+
+Statistics Session::statistics() const {
+    std::lock_guard lock(state_->mutex);
+    return state_->statistics;
+}
+
+std::string Session::error() const {
+    std::lock_guard lock(state_->mutex);
+    return state_->error;
+}
+
+Report& Session::report() {
+    return state_->report;
+}
+
+int Session::width() const {
+    std::lock_guard lock(state_->mutex);
+    return state_->width;
+}
+
+int Session::height() const {
+    std::lock_guard lock(state_->mutex);
+    return state_->height;
+}
+
+bool Session::read_pass(scene::PassKind kind, std::vector<float>& out) const {
+    const State& s = *state_;
+    std::lock_guard lock(s.mutex);
+    if (!s.film || !s.film->layout().has(kind)) return false;
+    const int channels = film::pass_channels(kind);
+    out.resize(size_t(s.width) * size_t(s.height) * size_t(channels));
+    if (!s.coarse) {
+        s.film->resolve(kind, s.scene.settings, out);
+        return true;
+    }
+    // A coarse preview: each of its pixels covers a block.
+    std::vector<float> blocks(size_t(s.coarse->width()) * size_t(s.coarse->height()) * size_t(channels));
+    s.coarse->resolve(kind, s.scene.settings, blocks);
+    for (int y = 0; y < s.height; ++y) {
+        for (int x = 0; x < s.width; ++x) {
+            const size_t from = (size_t(y / s.coarse_size) * size_t(s.coarse->width()) + size_t(x / s.coarse_size)) * size_t(channels);
+            std::copy_n(&blocks[from], channels, &out[(size_t(y) * size_t(s.width) + size_t(x)) * size_t(channels)]);
+        }
+    }
+    return true;
+}
+
+bool Session::denoise(const std::vector<std::string>& library_dirs, std::vector<float>& rgba_out) {
+    State& s = *state_;
+    std::vector<float> albedo, normal;
+    if (!read_pass(scene::PassKind::Combined, rgba_out)) return false;
+    read_pass(scene::PassKind::DenoisingAlbedo, albedo);
+    read_pass(scene::PassKind::DenoisingNormal, normal);
+    const size_t pixels = rgba_out.size() / 4;
+    std::vector<float> color(pixels * 3);
+    for (size_t i = 0; i < pixels; ++i) std::copy_n(&rgba_out[i * 4], 3, &color[i * 3]);
+    const film::DenoiseResult result = film::denoise(color, albedo, normal, s.width, s.height, s.data.pool ? s.data.pool->size() : 0, library_dirs, &s.cancel);
+    if (!result.ok) {
+        s.report.warning(result.message);
+        return false;
+    }
+    for (size_t i = 0; i < pixels; ++i) std::copy_n(&color[i * 3], 3, &rgba_out[i * 4]);
+    return true;
+}
+
+}  // namespace talbot

@@ -1,0 +1,167 @@
+/// The update plan: dirty bits -> what is rebuilt, in dependency order. Everything below a rebuilt thing is rebuilt too.
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/cpu.h"
+#include "session/state.h"
+
+namespace talbot {
+
+namespace {
+
+/// Equal programs become neighbours in the sort of hits.
+void order_shaders(RenderData& data) {
+    const auto& shaders = data.programs.shaders;
+    data.rank_shader.resize(shaders.size());
+    std::iota(data.rank_shader.begin(), data.rank_shader.end(), 0);
+    std::stable_sort(data.rank_shader.begin(), data.rank_shader.end(),
+                     [&](int32_t a, int32_t b) { return shaders[size_t(a)].surface < shaders[size_t(b)].surface; });
+    data.shader_order.resize(shaders.size());
+    for (size_t rank = 0; rank < data.rank_shader.size(); ++rank) data.shader_order[size_t(data.rank_shader[rank])] = int32_t(rank);
+}
+
+bool is_opaque(const shader::CompiledShader& shader) {
+    const Rgb t = shader.constant_transparency;
+    return shader.transparency_is_constant ? t.x == 0 && t.y == 0 && t.z == 0 : shader.transparency < 0;
+}
+
+/// Objects that may let shadow rays through answer to another mask bit than opaque ones: most shadow rays never meet them.
+void mark_transparent_casters(RenderData& data) {
+    data.has_transparent_shadows = false;
+    for (scene::ObjectView& object : data.tables.objects) {
+        if (object.mesh < 0 || !(object.visibility & scene::kVisibleShadow)) continue;
+        bool transparent = false;
+        for (int slot = 0; slot < object.material_count; ++slot) {
+            const int32_t shader = data.tables.material_slots[size_t(object.material_offset + slot)];
+            transparent = transparent || !is_opaque(data.programs.shaders[size_t(shader)]);
+        }
+        if (!transparent) continue;
+        object.visibility = (object.visibility & ~uint32_t(scene::kVisibleShadow)) | integrator::kShadowTransparent;
+        data.has_transparent_shadows = true;
+    }
+}
+
+void check_settings(const scene::Settings& s) {
+    if (s.width < 1 || s.height < 1) throw Error("the picture has no pixels (" + std::to_string(s.width) + " x " + std::to_string(s.height) + ")");
+    if (s.width > 65536 || s.height > 65536) throw Error("the picture is larger than 65536 pixels a side");
+    if (s.samples < 1) throw Error("fewer than one sample was asked for");
+}
+
+void make_workers(Session::State& s) {
+    RenderData& data = s.data;
+    const int threads = s.scene.settings.threads > 0 ? s.scene.settings.threads : int(std::max(1u, std::thread::hardware_concurrency()));
+    if (!data.pool || data.pool->size() != threads) {
+        data.workers.clear();
+        data.pool = std::make_unique<WorkerPool>(threads);
+    }
+    const int registers = std::max(data.programs.max_registers, 8);
+    if (data.worker_registers < registers) data.workers.clear();
+    if (int(data.workers.size()) != threads) {
+        data.workers.clear();
+        for (int i = 0; i < threads; ++i) data.workers.push_back(std::make_unique<integrator::Worker>(registers));
+        data.worker_registers = registers;
+    }
+    for (auto& worker : data.workers) worker->counters = {};
+}
+
+void make_film(Session::State& s) {
+    const scene::Settings& settings = s.scene.settings;
+    const int width = settings.crop_width > 0 ? settings.crop_width : settings.width;
+    const int height = settings.crop_width > 0 ? settings.crop_height : settings.height;
+    const film::FilmLayout layout = film::make_layout(s.scene.passes);
+    auto film = std::make_unique<film::Film>(layout, width, height);
+    std::lock_guard lock(s.mutex);
+    s.film = std::move(film);
+    s.coarse.reset();
+    s.width = width;
+    s.height = height;
+    s.progress.image_version++;
+}
+
+}  // namespace
+
+void update_render_data(Session::State& s) {
+    RenderData& data = s.data;
+    scene::Scene& scene = s.scene;
+    const uint32_t dirty = scene.dirty;
+    auto stop_if_cancelled = [&] {
+        if (s.cancel) throw Cancelled{};
+    };
+    auto timed = [&](const char* status, double Statistics::*field, auto&& job) {
+        stop_if_cancelled();
+        s.set_status(SessionState::Updating, status);
+        const auto t = Clock::now();
+        job();
+        std::lock_guard lock(s.mutex);
+        s.statistics.*field += seconds_since(t);
+    };
+    check_settings(scene.settings);
+    const auto begin = Clock::now();
+    {
+        std::lock_guard lock(s.mutex);
+        s.statistics = {};
+        s.statistics.instruction_set = scene.settings.instruction_set.empty() ? choose_isa() : scene.settings.instruction_set;
+    }
+
+    const bool images = dirty & scene::kDirtyImages, shaders = (dirty & (scene::kDirtyShaders | scene::kDirtySettings)) || images;
+    const bool objects = dirty & (scene::kDirtyMeshes | scene::kDirtyObjects);
+    if (images) timed("Loading images", &Statistics::textures_seconds, [&] { data.textures.update(scene, s.report, &s.cancel); });
+    if (shaders) {
+        timed("Compiling shaders", &Statistics::compile_seconds, [&] {
+            data.programs = shader::compile_shaders(scene, data.tables, s.report);
+            order_shaders(data);
+        });
+    }
+    if (dirty & scene::kDirtyPasses) data.tables.attribute_id(scene::kActiveUv);
+    if (shaders || objects || (dirty & scene::kDirtyPasses)) {
+        timed("Updating objects", &Statistics::update_seconds, [&] {
+            scene::make_scene_view(scene, data.programs.default_shader, data.tables);
+            mark_transparent_casters(data);
+        });
+    }
+    data.tables.view.settings = &scene.settings;
+    data.tables.view.camera = &scene.camera;
+    data.shading.scene = &data.tables.view;
+    data.shading.textures = &data.textures.table();
+    data.shading.film_width = float(scene.settings.width);
+    data.shading.film_height = float(scene.settings.height);
+    make_workers(s);
+    if (shaders || objects) {
+        timed("Building BVH", &Statistics::bvh_seconds, [&] {
+            geometry::BuildOptions options;
+            options.threads = data.pool->size();
+            options.flatten = !scene.settings.viewport;
+            options.progress = [&](double fraction) {
+                s.set_status(SessionState::Updating, "Building BVH " + std::to_string(int(fraction * 100)) + " %");
+                return !s.cancel;
+            };
+            data.accelerator.build(data.tables, options);
+        });
+    }
+    if (shaders || objects || (dirty & (scene::kDirtyLights | scene::kDirtyWorld))) {
+        timed("Building lights", &Statistics::lights_seconds,
+              [&] { data.emitters = light::build_emitters(scene, data.tables, data.programs, data.shading, *data.pool, s.report, &s.cancel); });
+    }
+    stop_if_cancelled();
+    if (data.filter_table.empty() || (dirty & scene::kDirtySettings))
+        data.filter_table = film::make_filter_table(scene.settings.filter, scene.settings.filter_width);
+    make_film(s);
+    scene.dirty = 0;
+    scene.dirty_meshes.clear();
+
+    std::lock_guard lock(s.mutex);
+    Statistics& stats = s.statistics;
+    stats.update_seconds = seconds_since(begin);
+    for (const scene::ObjectView& object : data.tables.objects)
+        if (object.mesh >= 0) stats.instanced_triangles += data.tables.meshes[size_t(object.mesh)].triangle_count;
+    for (const auto& mesh : scene.meshes)
+        if (mesh) stats.triangles += mesh->triangle_count();
+    stats.bvh_bytes = data.accelerator.bytes();
+    stats.texture_bytes = data.textures.bytes();
+    stats.film_bytes = s.film->bytes();
+    s.progress.memory = stats.bvh_bytes + stats.texture_bytes + stats.film_bytes;
+    s.progress.memory_peak = std::max(s.progress.memory_peak, s.progress.memory);
+}
+
+}  // namespace talbot
