@@ -35,11 +35,13 @@ struct EmitterSummary {
     bool has_local = false;
     bool has_distant = false;        ///< suns or a world map
     bool has_visible_lamps = false;  ///< lamps that rays may hit (intersect_lamps is needed)
+    bool has_visible_suns = false;   ///< suns with a disc that rays may see (shade_suns is needed)
     bool world_is_black = false;
     bool world_is_constant = false;
     Rgb constant_world;
     int world_shader = -1;  ///< compiled shader index of the world, -1: black
     uint32_t world_visibility = scene::kVisibleAll;
+    int world_max_bounces = 1024;  ///< the world lights points with at most this many bounces
 };
 EmitterSummary summarize(const EmitterTable& table);
 
@@ -67,11 +69,11 @@ struct LightSamples {
 
 inline namespace TALBOT_ISA {  // kernels
 
-/// Scratch (registers and spans) a worker lends to lookups that run programs: textured lamps, meshes, world.
+/// Scratch a worker lends to lookups that run programs: textured lamps, meshes, world.
 struct LightScratch {
     float* registers = nullptr;  ///< max_registers * kSpan
-    shader::ShadingSpan span;    ///< columns of kSpan
     float* columns = nullptr;    ///< kLightScratchColumns * kSpan floats
+    shader::ShadingSpan span;    ///< used by the callee, which points it into `columns`
 };
 inline constexpr int kLightScratchColumns = 64;
 
@@ -88,14 +90,19 @@ void pdf_triangles(const EmitterTable& table, ConstColumns3 origin, ConstColumns
 void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, float* pdf);
 
 /// Lamps are not in the acceleration structure. Nearest visible lamp (area, sphere of point and spot) before t_max on each ray:
-/// emitter[i] = lamp index or -1, t[i] its distance. `visibility[i]` = mask of the ray's kind.
+/// emitter[i] = lamp index or -1, t[i] its distance. `visibility[i]` = mask of the ray's kind. Lamps do not block rays: to collect those behind the
+/// first, call again with `t_min` = the distances found (null: 0) until none is found.
 void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
-                     int32_t* emitter, float* t);
-/// Radiance of that lamp towards the ray's origin and its sampling density there.
+                     int32_t* emitter, float* t, const float* t_min = nullptr);
+/// Radiance of that lamp towards the ray's origin and its sampling density there. Origin is the vertex that scattered the ray (soft point lamps turn towards
+/// it). `bounce` is that vertex's, for the lamps' max_bounces (null: no limit).
 void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
-                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf);
-/// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf; bsdf_pdf < 0: weight 1).
-void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance);
+                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
+                 const int32_t* bounce = nullptr);
+/// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
+/// weight 1).
+void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
+                const int32_t* bounce = nullptr);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light
