@@ -1,10 +1,11 @@
 """Makes the official Blender builds of PyPI (`import bpy`) answer Blender's command line.
 
-Usage: python bpy_driver.py [Blender's arguments]. As in Blender, settings that hold for the whole run (`-t`, `-y`, `--addons` ...)
-are read first, then files, render settings, scripts and renders act in the order in which they are written. What the module
-cannot do (windows, for one) is refused by name, with status 2.
+Usage: python bpy_driver.py [Blender's arguments]. As in Blender, settings that hold for the whole run (`-t`, `-y`,
+`--addons` ...) are read first, then files, render settings, scripts and renders act in the order in which they are
+written. What the module cannot do (windows, for one) is refused by name, with status 2.
 
-Status: 0, or 1 when a file cannot be opened, an engine is not known or a render reports an error, or what a script asked for.
+Status: 0; 1 when a file cannot be opened, an engine is not known or a render reports an error; else what a script
+asked for.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-# Accepted and without effect: the module is always in background, starts from factory settings, and has no sound or window.
+# Accepted and without effect: the module is always in background, with factory settings, without sound or window.
 IGNORED = {
     "-b": 0,
     "--background": 0,
@@ -188,7 +189,7 @@ class Driver:
             self.script_error_code = self.number(value)
 
     def enable_addons(self) -> None:
-        """Leaving with an engine registered hangs Blender 4.5 and crashes 4.2: what is enabled here is disabled at exit."""
+        """Enables now and disables at exit: leaving with an engine registered hangs Blender 4.5 and crashes 4.2."""
         import addon_utils
 
         scripts = os.environ.get("BLENDER_USER_SCRIPTS")

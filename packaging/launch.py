@@ -1,4 +1,4 @@
-"""Entry of `./talbot`, once the packages are there: reads the command line and calls one module of `launcher/` per command."""
+"""Entry of `./talbot`, once the packages are there. `launcher/` has one module per command."""
 
 from __future__ import annotations
 

@@ -82,8 +82,8 @@ def module_python(name: str) -> Path:
             result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
             if result.returncode != 0:
                 raise LauncherError(
-                    f"{result.stdout}\nBlender {version} could not be installed as a Python module. It needs the network "
-                    f"once, CPython 3.11 with venv, and these libraries of the system: {MODULE_PACKAGES}"
+                    f"{result.stdout}\nBlender {version} could not be installed as a Python module. It needs the "
+                    f"network once, CPython 3.11 with venv, and these libraries of the system: {MODULE_PACKAGES}"
                 )
         marker.write_text(version)
     return python

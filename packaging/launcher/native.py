@@ -93,7 +93,7 @@ def native_module() -> Path | None:
 
 
 def stage() -> Path:
-    """build/stage/addons/talbot: links to the add-on's files and to the native module. Python's caches stay out of the sources."""
+    """build/stage/addons/talbot: links to the add-on's files and the native module; caches land there too."""
     target = STAGE / "addons" / "talbot"
     wanted: set[Path] = set()
     for source in sorted((ROOT / "addon").rglob("*")):
