@@ -2,15 +2,15 @@
 
     ./talbot bench [SCENE ...] [--blender WHICH] [--seeds N] [--seconds S] [--size W] [--json FILE] [--against FILE]
 
-SCENE is a .blend file, a script that builds a scene, or a folder of either; without one, the scenes of this project. Each engine renders for about
-`--seconds` a picture, once for each seed, without clamping, adaptive sampling, denoising and light threshold, with a
-box filter and the file's own bounces. Printed for each engine:
+SCENE is a .blend file, a script that builds a scene (script.py:argument), or a folder of .blend files; without one, the
+scenes of this project. Each engine renders for about `--seconds` a picture, once for each seed, without clamping,
+adaptive sampling, denoising and light threshold, with a box filter and the file's own bounces. Printed for each engine:
 
     load     everything that is not sampling: synchronisation, compiling, BVH (a picture of one sample, less its sampling)
-    render   seconds of sampling for the samples in the next column (slope between one sample and that many)
-    variance relative variance of one such picture: mean over pixels of the variance over seeds, over the squared mean; the worst 0.1 % of pixels
-             are left out (fireflies; the untrimmed figure is in the JSON)
-    gain     time to equal error: (time x variance) of Cycles over Talbot's. Two seeds are for a look, ten for a verdict.
+    rend     seconds of sampling for the samples in the next column (slope between one sample and that many)
+    var      relative variance of one sample: mean over pixels of the variance over seeds, over the squared mean; the
+             worst 0.1 % of pixels are left out (fireflies; the untrimmed figure is in the JSON)
+    gain     time to equal error: (time x variance) of Cycles over Talbot's. Two seeds are for a look, ten for a verdict
 """
 
 import argparse
