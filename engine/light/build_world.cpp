@@ -1,0 +1,146 @@
+/// The world's importance map: the background program on a grid of directions, summed to two nested distributions.
+#include <algorithm>
+#include <cmath>
+
+#include "light/emitter_table.h"
+#include "light/kernels/emission.h"
+
+namespace talbot::light {
+namespace {
+
+/// Width of the map. Images deserve half their own resolution (the map's cells are sampled twice as finely); other
+/// programs get cells in which the sun's disc is not lost.
+int automatic_width(const scene::Scene& scene, const shader::ShaderContext& context) {
+    int width = 512;
+    const scene::ShaderGraph& graph = scene.shaders[size_t(scene.world.shader)].graph;
+    for (const scene::Node& node : graph.nodes) {
+        const auto found = node.properties.find("image");
+        if (found == node.properties.end() || !context.textures) continue;
+        const double* handle = std::get_if<double>(&found->second);
+        if (!handle || !(*handle >= 0) || !(*handle < double(context.textures->count))) continue;
+        width = std::max(width, context.textures->textures[int(*handle)].width / 2);
+    }
+    return std::min(width, 2048);
+}
+
+}  // namespace
+
+float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
+                const std::atomic<bool>* cancel, EmitterTable& table) {
+    EmitterSummary& summary = table.summary;
+    summary.world_visibility = scene.world.visibility;
+    summary.world_is_black = true;
+    table.view.world_visibility = int32_t(scene.world.visibility);
+    table.view.world_max_bounces = scene.world.max_bounces;
+    const scene::Handle handle = scene.world.shader;
+    if (handle < 0 || size_t(handle) >= programs.shaders.size() || scene.world.visibility == 0) return 0;
+    const shader::CompiledShader& compiled = programs.shaders[size_t(handle)];
+    if (compiled.emission_is_constant) {
+        summary.world_is_constant = true;
+        summary.constant_world = compiled.constant_emission;
+        const Rgb c = compiled.constant_emission;
+        summary.world_is_black = c.x == 0 && c.y == 0 && c.z == 0;
+        summary.world_shader = handle;
+        return 0;
+    }
+    if (compiled.emission < 0) return 0;
+    summary.world_is_black = false;
+    summary.world_shader = handle;
+    table.view.world_shader = handle;
+    if (!scene.world.use_importance_map || !scene.world.sample_as_light) return 0;
+
+    // Luminance at twice the map's resolution.
+    const int asked = scene.world.map_resolution > 0 ? scene.world.map_resolution : automatic_width(scene, context);
+    const int width = std::clamp(asked, 8, 4096) & ~1, height = width / 2;
+    const int fine_width = 2 * width, fine_height = 2 * height;
+    std::vector<float> fine(size_t(fine_width) * size_t(fine_height));
+    pool.parallel_for(size_t(fine_height), 8, [&](size_t begin, size_t end, int) {
+        std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
+        std::vector<float> buffer(size_t(6 * kSpan));
+        LightScratch scratch;
+        scratch.registers = registers.data();
+        scratch.columns = columns.data();
+        float* b = buffer.data();
+        const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+        for (size_t row = begin; row < end; ++row) {
+            if (cancel && cancel->load()) throw Cancelled{};
+            for (int x0 = 0; x0 < fine_width; x0 += kSpan) {
+                const int n = std::min(kSpan, fine_width - x0);
+                const float v = (float(row) + 0.5f) / float(fine_height);
+                for (int i = 0; i < n; ++i) store(direction, i, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v));
+                evaluate_background(programs, context, scratch, handle, direction, nullptr, n, radiance);
+                for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
+            }
+        }
+    });
+
+    // Weight of a cell: its own samples, and as much again from a border of one sample around it, because what interpolation spreads beyond a
+    // bright texel's cell must stay reachable.
+    std::vector<double> weight(size_t(width) * size_t(height));
+    const auto at = [&](int x, int y) {
+        const int xx = (x + fine_width) % fine_width, yy = std::clamp(y, 0, fine_height - 1);
+        return double(fine[size_t(yy) * size_t(fine_width) + size_t(xx)]);
+    };
+    double sum = 0, solid = 0, low = 1e30, high = 0;
+    for (int y = 0; y < height; ++y) {
+        const double sine = std::sin(M_PI * (y + 0.5) / height);
+        for (int x = 0; x < width; ++x) {
+            double own = 0, around = 0;
+            for (int dy = -1; dy < 3; ++dy) {
+                for (int dx = -1; dx < 3; ++dx) {
+                    const double f = at(2 * x + dx, 2 * y + dy);
+                    around += f;
+                    if (dx >= 0 && dx < 2 && dy >= 0 && dy < 2) own += f;
+                }
+            }
+            weight[size_t(y) * size_t(width) + size_t(x)] = 0.5 * own / 4 + 0.5 * around / 16;
+            sum += own / 4 * sine;
+            solid += sine;
+            low = std::min(low, own / 4);
+            high = std::max(high, own / 4);
+        }
+    }
+    const double average = sum / solid;
+    // A sky that is (almost) uniform comes with the scattered ray, like a constant one.
+    if (!(average > 0) || !std::isfinite(average) || high <= 1.1 * low) return 0;
+
+    table.world_rows.assign(size_t(height + 1), 0.0f);
+    table.world_columns.assign(size_t(height) * size_t(width + 1), 0.0f);
+    table.world_density.assign(size_t(height) * size_t(width), 0.0f);
+    std::vector<double> row_sums;
+    double total = 0;
+    for (int y = 0; y < height; ++y) {
+        const double sine = std::sin(M_PI * (y + 0.5) / height);
+        double running = 0;
+        float* columns = &table.world_columns[size_t(y) * size_t(width + 1)];
+        for (int x = 0; x < width; ++x) {
+            double& w = weight[size_t(y) * size_t(width) + size_t(x)];
+            w = (w + 0.005 * average) * sine;  // no direction has density 0: features finer than the map stay bounded
+            running += w;
+            columns[x + 1] = float(running);
+        }
+        for (int x = 0; x <= width; ++x) columns[x] = float(double(columns[x]) / running);
+        columns[width] = 1;
+        row_sums.push_back(running);
+        total += running;
+    }
+    double running = 0;
+    for (int y = 0; y < height; ++y) {
+        running += row_sums[size_t(y)];
+        table.world_rows[size_t(y + 1)] = float(running / total);
+    }
+    table.world_rows[size_t(height)] = 1;
+    // The density is that of the rounded running shares, so that it is exact for what is sampled.
+    for (int y = 0; y < height; ++y) {
+        const double row = double(table.world_rows[size_t(y + 1)]) - double(table.world_rows[size_t(y)]);
+        const float* columns = &table.world_columns[size_t(y) * size_t(width + 1)];
+        for (int x = 0; x < width; ++x) {
+            table.world_density[size_t(y) * size_t(width) + size_t(x)] = float(row * height * (double(columns[x + 1]) - double(columns[x])) * width);
+        }
+    }
+    table.view.world.width = width;
+    table.view.world.height = height;
+    return float(average);
+}
+
+}  // namespace talbot::light

@@ -1,0 +1,196 @@
+/// The layout behind `EmitterTable`: plain columns that kernels read and vectors that own them.
+///
+/// Local emitters are one list; each entry has a kind, a bound of what it can send where (`Reach`) and an index into the table of its kind.
+/// Choosing one of up to kScannedEmitters weighs every entry's `Reach` at the lane's position; longer lists are chosen by power alone. A
+/// tree over the same `Reach` records can replace both: only kernels/select_emitter.h knows how the choice is made.
+///
+/// World space, metres. Radiance and intensity are per channel in the working space.
+#pragma once
+
+#include <vector>
+
+#include "light/emitters.h"
+
+namespace talbot::light {
+
+/// More local emitters than this are chosen by power alone, not by their estimate at the point.
+inline constexpr int kScannedEmitters = 64;
+
+enum class EmitterKind : int32_t {
+    Point,       ///< delta: point or spot of radius 0
+    FacingDisk,  ///< point or spot whose disk turns towards the point it lights (Blender's soft falloff)
+    Sphere,      ///< point or spot that is a true sphere
+    Rect,        ///< area lamp of any shape, or a mesh that is one rectangle
+    Mesh,        ///< emissive triangles of one object
+};
+inline constexpr int kEmitterKinds = 5;
+
+enum class ReachKind : int32_t {
+    Isotropic,  ///< shines alike in all directions
+    Oriented,   ///< cosine law about normals that lie within a cone about the axis
+    Spot,
+};
+
+/// Estimate of an emitter's irradiance at a point, from its bounding sphere: never 0 where the emitter lights the point.
+struct Reach {
+    ReachKind kind = ReachKind::Isotropic;
+    Vec3 center;
+    float radius = 0;
+    Vec3 axis{0, 0, 1};     ///< unit; direction of emission
+    float strength = 0;     ///< irradiance (luminance, mean of channels) at distance 1 along the axis
+    float cos_normals = 1;  ///< half angle of the cone about the axis that holds all normals
+    float sin_normals = 0;
+    bool two_sided = false;
+    bool flat = false;  ///< one-sided and planar: nothing behind the plane
+    float cos_limit = 0;  ///< spread or spot: no emission beyond this angle from a normal
+    float inv_tan_limit = 0;
+    float gain = 1;  ///< of the spread on its axis
+    float inv_smooth = 0;  ///< spot: see Lamp
+    float to_local[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+};
+
+/// Rectangle c + x axis_x + y axis_y, |x| <= half_x, |y| <= half_y; or the ellipse in it. The axes and the normal are orthonormal.
+struct Rect {
+    Vec3 center, axis_x, axis_y, normal;
+    float half_x = 0, half_y = 0;
+    float is_ellipse = 0;
+    float two_sided = 0;
+    float tan_limit = 1e18f;  ///< tangent of half the spread
+};
+
+/// A point, spot or area lamp.
+struct Lamp {
+    Vec3 center;
+    float radius = 0;
+    Rgb power;                ///< radiance; intensity for EmitterKind::Point. Already times a constant emission
+    float inv_tan_limit = 0;  ///< area: the spread's profile is max(1 - tan(t) inv_tan_limit, 0) gain
+    float gain = 1;
+    float is_spot = 0;
+    float axis_power = 0;  ///< 1: intensity times the cosine to the axis (3.4's spot)
+    float cos_outer = -1;  ///< spot: smoothstep of (c - cos_outer) inv_smooth
+    float inv_smooth = 0;
+    float inv_tan_outer = 0;  ///< for texture coordinates
+    float to_local[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< direction in the frame of the cone
+    int32_t kind = 0;
+    int32_t rect = -1;
+    int32_t emitter = -1;  ///< in the list of local emitters; -1: not sampled (no power)
+    int32_t program_shader = -1;  ///< shader whose emission program multiplies `power`; -1: constant
+    int32_t visibility = 0;
+    int32_t hit_visibility = 0;  ///< rays that may hit it (without MIS: camera rays only)
+    int32_t casts_shadow = 1;
+    int32_t max_bounces = 1024;
+    int32_t handle = -1;
+};
+
+/// Emissive triangles of one (mesh, materials), object space; instances share it.
+struct LightTriangle {
+    Vec3 a, b, c;
+    float probability = 0;  ///< of being chosen within the mesh
+    float accept = 1;       ///< alias table: keep this one when the fraction is below, else take `alias`
+    int32_t alias = 0;
+    int32_t primitive = 0;
+    int32_t shader = 0;
+    int32_t sides = 3;  ///< bit 0: light-sampled on the front, bit 1: on the back
+};
+struct MeshEmitter {
+    Affine to_world;
+    int32_t first = 0, count = 0;  ///< in light_triangles
+    int32_t map = 0;               ///< in primitive_to_triangle: triangle of primitive k at map + k, -1: none
+    int32_t object = -1;
+    int32_t visibility = 0;
+    float front_sign = 1;  ///< -1: the map mirrors, a triangle's world cross product points to the back
+};
+
+struct Emitter {
+    int32_t kind = 0;
+    int32_t lamp = -1, mesh = -1, rect = -1;
+};
+
+/// Alias table entry [Walker 1977]; probability is that of the entry as a whole.
+struct AliasEntry {
+    float probability = 0;
+    float accept = 1;
+    int32_t alias = 0;
+};
+
+struct Sun {
+    Vec3 direction;      ///< towards it, unit
+    Vec3 axis_x, axis_y;  ///< orthonormal with direction; the lamp's local X and Y
+    float cos_half = 1;
+    float one_minus_cos = 0;  ///< 0: delta
+    Rgb power;                ///< radiance on the axis; irradiance when delta
+    bool tangent_profile = false;  ///< radiance times 1/cos^3 (3.4)
+    float probability = 0;
+    int32_t program_shader = -1;
+    int32_t visibility = 0;
+    int32_t hit_visibility = 0;
+    int32_t casts_shadow = 1;
+    int32_t max_bounces = 1024;
+    int32_t handle = -1;
+};
+
+/// Importance map of the world: latitude rows (0 = +Z) by longitude columns, piecewise constant in (u, v).
+struct WorldMap {
+    int width = 0, height = 0;
+    const float* rows = nullptr;       ///< height + 1: running share of the rows
+    const float* columns = nullptr;    ///< height * (width + 1): running share within each row
+    const float* density = nullptr;    ///< height * width: density per unit (u, v)
+    float probability = 0;             ///< of choosing the world in the distant stratum; 0: not sampled
+};
+
+/// What kernels read.
+struct EmitterView {
+    const Emitter* emitters = nullptr;
+    const Reach* reach = nullptr;
+    const AliasEntry* alias = nullptr;  ///< set when the list is longer than kScannedEmitters
+    int emitter_count = 0;
+    bool has_kind[kEmitterKinds] = {};
+    const Lamp* lamps = nullptr;
+    int lamp_count = 0;
+    const int32_t* visible_lamps = nullptr;
+    int visible_lamp_count = 0;
+    const Rect* rects = nullptr;
+    const MeshEmitter* meshes = nullptr;
+    const LightTriangle* triangles = nullptr;
+    const int32_t* primitive_to_triangle = nullptr;
+    const int32_t* object_emitter = nullptr;  ///< by object: index into emitters, -1: not sampled
+    int object_count = 0;
+    const Sun* suns = nullptr;
+    int sun_count = 0;
+    bool has_lamp_programs = false;
+    bool has_mesh_programs = false;
+    WorldMap world;
+    int world_shader = -1;
+    int world_visibility = 0;
+    int world_max_bounces = 1024;
+};
+
+struct EmitterTable {
+    EmitterView view;
+    EmitterSummary summary;
+    std::vector<Emitter> emitters;
+    std::vector<Reach> reach;
+    std::vector<AliasEntry> alias;
+    std::vector<Lamp> lamps;
+    std::vector<int32_t> visible_lamps;
+    std::vector<Rect> rects;
+    std::vector<MeshEmitter> meshes;
+    std::vector<LightTriangle> triangles;
+    std::vector<int32_t> primitive_to_triangle;
+    std::vector<int32_t> object_emitter;
+    std::vector<Sun> suns;
+    std::vector<float> world_rows, world_columns, world_density;
+};
+
+/// Alias table of the weights (>= 0, not all 0) [Vose 1991].
+std::vector<AliasEntry> make_alias(const std::vector<double>& weights);
+
+/// The three parts of `build_emitters`; each appends to the table's vectors. Views are set afterwards.
+void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Report& report, EmitterTable& table);
+void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report,
+                const std::atomic<bool>* cancel, EmitterTable& table);
+/// Mean radiance of the world's map, 0 when the world is constant or not sampled.
+float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
+                const std::atomic<bool>* cancel, EmitterTable& table);
+
+}  // namespace talbot::light

@@ -1,0 +1,161 @@
+#include "light/kernels/emission.h"
+
+#include "geometry/surface.h"
+
+namespace talbot::light {
+inline namespace TALBOT_ISA {
+namespace {
+
+TALBOT_INLINE float finite_or_black(float x) {
+    return lane_abs(x) <= 3e38f ? x : 0.0f;
+}
+
+template <class T>
+TALBOT_INLINE T* take_column(float*& next) {
+    T* column = reinterpret_cast<T*>(next);
+    next += kSpan;
+    return column;
+}
+
+template <class T>
+TALBOT_INLINE void fill_column(T* column, int n, T value) {
+    for (int i = 0; i < n; ++i) column[i] = value;
+}
+
+}  // namespace
+
+void prepare_span(LightScratch& scratch, int n) {
+    shader::ShadingSpan& s = scratch.span;
+    float* next = scratch.columns;
+    s = shader::ShadingSpan{};
+    s.n = n;
+    for (Columns3* c : {&s.p, &s.n_s, &s.n_g, &s.wo}) *c = {take_column<float>(next), take_column<float>(next), take_column<float>(next)};
+    for (float** c : {&s.u, &s.v, &s.ray_length, &s.footprint}) {
+        *c = take_column<float>(next);
+        fill_column(*c, n, 0.0f);
+    }
+    for (int32_t** c : {&s.object, &s.primitive, &s.constants, &s.ray_flags, &s.backfacing, &s.depth, &s.diffuse_depth, &s.glossy_depth,
+                        &s.transparent_depth, &s.transmission_depth}) {
+        *c = take_column<int32_t>(next);
+        fill_column(*c, n, 0);
+    }
+    fill_column(s.object, n, -1);
+    fill_column(s.primitive, n, -1);
+    for (uint32_t** c : {&s.key, &s.sample, &s.vertex}) {
+        *c = take_column<uint32_t>(next);
+        fill_column(*c, n, 0u);
+    }
+}
+
+void evaluate_emission(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, int shader, Columns3 out) {
+    const shader::CompiledShader& compiled = programs.shaders[size_t(shader)];
+    shader::ShadingSpan& span = scratch.span;
+    const int n = span.n;
+    const shader::Program* program = compiled.emission >= 0 ? programs.programs[size_t(compiled.emission)].get() : nullptr;
+    if (!program || program->emission == shader::kNoRegister) {
+        const Rgb c = compiled.emission_is_constant ? compiled.constant_emission : Rgb{};
+        for (int i = 0; i < n; ++i) store(out, i, c);
+        return;
+    }
+    fill_column(span.constants, n, compiled.constants);
+    span.uniform_constants = true;
+    shader::run_program(*program, programs, span, context, scratch.registers);
+    const float* __restrict r = scratch.registers + size_t(program->emission) * kSpan;
+    Column x = out.x, y = out.y, z = out.z;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        x[i] = finite_or_black(r[i]);
+        y[i] = finite_or_black(r[kSpan + i]);
+        z[i] = finite_or_black(r[2 * kSpan + i]);
+    }
+}
+
+void evaluate_background(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, int shader, ConstColumns3 direction,
+                         const int32_t* depth, int n, Columns3 out) {
+    prepare_span(scratch, n);
+    shader::ShadingSpan& s = scratch.span;
+    s.is_background = true;
+    for (int i = 0; i < n; ++i) {
+        const Vec3 d = load(direction, i);
+        store(s.p, i, d);
+        store(s.n_s, i, -d);
+        store(s.n_g, i, -d);
+        store(s.wo, i, -d);
+        s.ray_length[i] = as_float(0x7f800000);
+        s.depth[i] = depth ? depth[i] : 0;
+    }
+    evaluate_emission(programs, context, scratch, shader, out);
+}
+
+void apply_lamp_programs(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
+                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n,
+                         Columns3 radiance) {
+    uint8_t waiting[kSpan];
+    for (int i = 0; i < n; ++i) waiting[i] = lamp[i] >= 0 && (is_sun ? table.suns[lamp[i]].program_shader : table.lamps[lamp[i]].program_shader) >= 0;
+    for (int first = 0; first < n; ++first) {
+        if (!waiting[first]) continue;
+        // One lamp at a time: its matrices are uniform over the span.
+        int32_t list[kSpan];
+        int count = 0;
+        for (int i = first; i < n; ++i) {
+            if (!waiting[i] || lamp[i] != lamp[first]) continue;
+            waiting[i] = 0;
+            list[count++] = i;
+        }
+        prepare_span(scratch, count);
+        shader::ShadingSpan& s = scratch.span;
+        s.is_lamp = true;
+        s.lamp_object = is_sun ? table.suns[lamp[first]].handle : table.lamps[lamp[first]].handle;
+        gather3(points.p, list, count, s.p);
+        gather3(points.normal, list, count, s.n_s);
+        gather3(points.normal, list, count, s.n_g);
+        gather3(points.wo, list, count, s.wo);
+        gather(points.u, list, count, s.u);
+        gather(points.v, list, count, s.v);
+        gather(points.distance, list, count, s.ray_length);
+        if (ray_flags) gather(ray_flags, list, count, s.ray_flags);
+        if (depth) gather(depth, list, count, s.depth);
+        float r[3][kSpan];
+        const Columns3 emission{r[0], r[1], r[2]};
+        evaluate_emission(programs, context, scratch, is_sun ? table.suns[lamp[first]].program_shader : table.lamps[lamp[first]].program_shader, emission);
+        for (int k = 0; k < count; ++k) store(radiance, list[k], load(radiance, list[k]) * load(emission, k));
+    }
+}
+
+void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const int32_t* shader,
+                         const int32_t* object, const int32_t* primitive, const float* u, const float* v, ConstColumns3 wo, const float* distance,
+                         const int32_t* depth, int n, Columns3 radiance) {
+    uint8_t waiting[kSpan];
+    for (int i = 0; i < n; ++i) waiting[i] = shader[i] >= 0 && !programs.shaders[size_t(shader[i])].emission_is_constant;
+    for (int first = 0; first < n; ++first) {
+        if (!waiting[first]) continue;
+        int32_t list[kSpan], identity[kSpan], hit_object[kSpan], hit_primitive[kSpan];
+        float hit_t[kSpan], hit_u[kSpan], hit_v[kSpan], error[kSpan];
+        int count = 0;
+        for (int i = first; i < n; ++i) {
+            if (!waiting[i] || shader[i] != shader[first]) continue;
+            waiting[i] = 0;
+            identity[count] = count;
+            list[count++] = i;
+        }
+        prepare_span(scratch, count);
+        shader::ShadingSpan& s = scratch.span;
+        gather3(wo, list, count, s.wo);
+        gather(distance, list, count, s.ray_length);
+        gather(distance, list, count, hit_t);
+        gather(u, list, count, hit_u);
+        gather(v, list, count, hit_v);
+        gather(object, list, count, hit_object);
+        gather(primitive, list, count, hit_primitive);
+        if (depth) gather(depth, list, count, s.depth);
+        const geometry::HitColumns hits{hit_t, hit_u, hit_v, hit_object, hit_primitive};
+        geometry::shade_points(*context.scene, hits, identity, count, s, error);
+        float r[3][kSpan];
+        const Columns3 emission{r[0], r[1], r[2]};
+        evaluate_emission(programs, context, scratch, shader[first], emission);
+        for (int k = 0; k < count; ++k) store(radiance, list[k], load(emission, k));
+    }
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light

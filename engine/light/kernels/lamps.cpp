@@ -1,0 +1,176 @@
+#include "light/kernels/sample_local.h"
+#include "light/kernels/select_emitter.h"
+
+namespace talbot::light {
+inline namespace TALBOT_ISA {
+namespace {
+
+/// Distance along the ray to one lamp, or -1.
+template <EmitterKind kind>
+TALBOT_INLINE float hit_lamp(const Lamp& lamp, const Rect& rect, Vec3 o, Vec3 d) {
+    if constexpr (kind == EmitterKind::Rect) {
+        const Vec3 to = rect.center - o;
+        const float along = dot(d, rect.normal);
+        const float t = dot(to, rect.normal) / (lane_abs(along) < 1e-30f ? -1e-30f : along);
+        const Vec3 q = d * t - to;
+        const float a = dot(q, rect.axis_x), b = dot(q, rect.axis_y);
+        const bool hit = (along < 0.0f) & (lane_abs(a) <= rect.half_x) & (lane_abs(b) <= rect.half_y) & inside_ellipse(rect, a, b);
+        return hit ? t : -1.0f;
+    } else if constexpr (kind == EmitterKind::FacingDisk) {
+        const Vec3 to = lamp.center - o;
+        const float d2 = dot(to, to), along = dot(d, to);
+        const float t = d2 / maxf(along, 1e-30f);
+        const Vec3 q = d * t - to;
+        return along > 0.0f && dot(q, q) <= lamp.radius * lamp.radius ? t : -1.0f;
+    } else {
+        // The nearest point first: the squared distance of the centre from the ray does not cancel.
+        const Vec3 to = lamp.center - o;
+        const float along = dot(to, d);
+        const Vec3 off = to - d * along;
+        const float rest = lamp.radius * lamp.radius - dot(off, off);
+        const float half = safe_sqrt(rest);
+        const bool inside = dot(to, to) <= lamp.radius * lamp.radius;
+        const float t = inside ? along + half : along - half;
+        return rest >= 0.0f ? t : -1.0f;
+    }
+}
+
+template <EmitterKind kind>
+TALBOT_INLINE void intersect_lamp(const EmitterView& table, int32_t index, ConstColumns3 origin, ConstColumns3 direction, const float* __restrict t_min,
+                                  const int32_t* __restrict visibility, int n, int32_t* __restrict emitter, float* __restrict t) {
+    const Lamp lamp = table.lamps[index];
+    const Rect rect = lamp.rect >= 0 ? table.rects[lamp.rect] : Rect{};
+    ConstColumn ox = origin.x, oy = origin.y, oz = origin.z, dx = direction.x, dy = direction.y, dz = direction.z;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const float hit = hit_lamp<kind>(lamp, rect, {ox[i], oy[i], oz[i]}, {dx[i], dy[i], dz[i]});
+        const bool nearer = (hit > t_min[i]) & (hit < t[i]) & ((visibility[i] & lamp.hit_visibility) != 0);
+        t[i] = nearer ? hit : t[i];
+        emitter[i] = nearer ? index : emitter[i];
+    }
+}
+
+}  // namespace
+
+void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
+                     int32_t* emitter, float* t, const float* t_min) {
+    const EmitterView& table = table_.view;
+    for (int begin = 0; begin < n; begin += kSpan) {
+        const int m = n - begin < kSpan ? n - begin : kSpan;
+        const ConstColumns3 o(origin.x + begin, origin.y + begin, origin.z + begin), d(direction.x + begin, direction.y + begin, direction.z + begin);
+        float nearest[kSpan], start[kSpan];
+        int32_t found[kSpan];
+        for (int i = 0; i < m; ++i) {
+            nearest[i] = t_max[begin + i];
+            start[i] = t_min ? t_min[begin + i] : 0.0f;
+            found[i] = -1;
+        }
+        for (int k = 0; k < table.visible_lamp_count; ++k) {
+            const int32_t index = table.visible_lamps[k];
+            switch (EmitterKind(table.lamps[index].kind)) {
+                case EmitterKind::Rect: intersect_lamp<EmitterKind::Rect>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
+                case EmitterKind::FacingDisk: intersect_lamp<EmitterKind::FacingDisk>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
+                default: intersect_lamp<EmitterKind::Sphere>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
+            }
+        }
+        for (int i = 0; i < m; ++i) {
+            emitter[begin + i] = found[i];
+            t[begin + i] = nearest[i];
+        }
+    }
+}
+
+void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t,
+                 const int32_t* ray_flags, int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
+                 Columns3 radiance, float* pdf, const int32_t* bounce) {
+    const EmitterView& table = table_.view;
+    for (int i = 0; i < n; ++i) {
+        store(radiance, i, {});
+        pdf[i] = 0.0f;
+    }
+    for (int begin = 0; begin < n; begin += kSpan) {
+        const int end = n < begin + kSpan ? n : begin + kSpan;
+        int32_t lane[kSpan], chosen[kSpan], emitter[kSpan], flags[kSpan], depth[kSpan];
+        float o[3][kSpan], probability[kSpan], r[3][kSpan], p[3][kSpan], wo[3][kSpan], normal[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
+        int count = 0;
+        for (int i = begin; i < end; ++i) {
+            if (lamp_index[i] < 0 || (bounce && bounce[i] > table.lamps[lamp_index[i]].max_bounces)) continue;
+            lane[count] = i;
+            chosen[count] = lamp_index[i];
+            emitter[count] = table.lamps[lamp_index[i]].emitter;
+            flags[count] = ray_flags ? ray_flags[i] : 0;
+            depth[count++] = bounce ? bounce[i] + 1 : 0;
+        }
+        if (count == 0) continue;
+        gather3(origin, lane, count, {o[0], o[1], o[2]});
+        gather(t, lane, count, distance);
+        choice_probability(table, {o[0], o[1], o[2]}, emitter, count, probability);
+        for (int j = 0; j < count; ++j) {
+            const Lamp& lamp = table.lamps[chosen[j]];
+            const Vec3 from{o[0][j], o[1][j], o[2][j]};
+            const Vec3 d = load(direction, lane[j]);
+            const Vec3 hit = from + d * distance[j];
+            float gain = 1.0f, shape = 0.0f;
+            Vec3 facing = -d;
+            if (lamp.kind == int32_t(EmitterKind::Rect)) {
+                const Rect& rect = table.rects[lamp.rect];
+                const RectView view = view_rect(rect, from);
+                const float a = dot(hit - rect.center, rect.axis_x), b = dot(hit - rect.center, rect.axis_y);
+                gain = spread_profile(lamp.inv_tan_limit, lamp.gain, a + view.x, b + view.y, view.z);
+                shape = pdf_rect(view, distance[j]);
+                facing = rect.normal;
+                rect_coordinates(rect, a, b, u[j], v[j]);
+            } else {
+                const float d2 = dot(lamp.center - from, lamp.center - from);
+                const bool sphere = lamp.kind == int32_t(EmitterKind::Sphere);
+                gain = spot_profile(lamp, -d);
+                shape = sphere ? pdf_sphere(d2, lamp.radius) : pdf_facing_disk(std::sqrt(d2), lamp.radius, distance[j]);
+                facing = sphere ? normalize(hit - lamp.center) : -d;
+                lamp_coordinates(lamp, facing, u[j], v[j]);
+            }
+            store({r[0], r[1], r[2]}, j, lamp.power * gain);
+            store({p[0], p[1], p[2]}, j, hit);
+            store({wo[0], wo[1], wo[2]}, j, -d);
+            store({normal[0], normal[1], normal[2]}, j, facing);
+            const float value = shape * probability[j];
+            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
+        }
+        if (table.has_lamp_programs) {
+            const LampPoints points{{p[0], p[1], p[2]}, {normal[0], normal[1], normal[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
+            apply_lamp_programs(table, programs, context, scratch, chosen, false, points, flags, depth, count, {r[0], r[1], r[2]});
+        }
+        for (int j = 0; j < count; ++j) store(radiance, lane[j], {r[0][j], r[1][j], r[2][j]});
+    }
+}
+
+void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
+                const int32_t* bounce) {
+    const EmitterView& table = table_.view;
+    for (int i = 0; i < n; ++i) store(radiance, i, {});
+    for (int k = 0; k < table.sun_count; ++k) {
+        const Sun sun = table.suns[k];
+        if (sun.hit_visibility == 0 || sun.one_minus_cos == 0.0f) continue;
+        const float pdf = sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
+        const float tangent = sun.tangent_profile ? 1.0f : 0.0f;
+        ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
+        Column r = radiance.x, g = radiance.y, b = radiance.z;
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            // 1 - cos from the difference of the directions: exact for small discs.
+            const Vec3 apart{dx[i] - sun.direction.x, dy[i] - sun.direction.y, dz[i] - sun.direction.z};
+            const float drop = 0.5f * dot(apart, apart);
+            const bool seen = (drop <= sun.one_minus_cos) & ((visibility[i] & sun.hit_visibility) != 0);
+            const float own = bsdf_pdf[i], ratio = pdf / maxf(own, 1e-20f);
+            const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
+            const float c = maxf(1.0f - drop, 1e-4f);
+            const float limit = bounce ? (bounce[i] > sun.max_bounces ? 0.0f : 1.0f) : 1.0f;
+            const float f = seen ? weight * limit * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
+            r[i] += sun.power.x * f;
+            g[i] += sun.power.y * f;
+            b[i] += sun.power.z * f;
+        }
+    }
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light

@@ -1,0 +1,64 @@
+#include "light/kernels/select_emitter.h"
+#include "light/kernels/shapes.h"
+#include "light/kernels/world_map.h"
+
+namespace talbot::light {
+inline namespace TALBOT_ISA {
+
+void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
+                   const int32_t* primitive, int n, float* pdf) {
+    const EmitterView& table = table_.view;
+    (void)direction;  // the triangle and the distance say it all
+    (void)n_g;
+    for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
+    for (int begin = 0; begin < n; begin += kSpan) {
+        const int end = n < begin + kSpan ? n : begin + kSpan;
+        int32_t lane[kSpan], emitter[kSpan], triangle[kSpan];
+        int count = 0;
+        for (int i = begin; i < end; ++i) {
+            if (object[i] < 0 || object[i] >= table.object_count) continue;
+            const int32_t e = table.object_emitter[object[i]];
+            if (e < 0) continue;
+            const int32_t k = table.primitive_to_triangle[table.meshes[table.emitters[e].mesh].map + primitive[i]];
+            if (k < 0) continue;
+            lane[count] = i;
+            emitter[count] = e;
+            triangle[count++] = k;
+        }
+        if (count == 0) continue;
+        float p[3][kSpan], probability[kSpan];
+        gather3(origin, lane, count, {p[0], p[1], p[2]});
+        choice_probability(table, {p[0], p[1], p[2]}, emitter, count, probability);
+        for (int j = 0; j < count; ++j) {
+            const Vec3 o{p[0][j], p[1][j], p[2][j]};
+            const float distance = t[lane[j]];
+            const Emitter& e = table.emitters[emitter[j]];
+            float shape = 0.0f;
+            if (e.kind == int32_t(EmitterKind::Rect)) {
+                shape = pdf_rect(view_rect(table.rects[e.rect], o), distance);
+            } else {
+                const MeshEmitter& mesh = table.meshes[e.mesh];
+                const LightTriangle& own = table.triangles[triangle[j]];
+                const TriangleView view = view_triangle(transform_point(mesh.to_world, own.a), transform_point(mesh.to_world, own.b),
+                                                        transform_point(mesh.to_world, own.c), o);
+                const float side = own.sides == 3 ? 0.0f : (own.sides == 1 ? -mesh.front_sign : mesh.front_sign);
+                shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * own.probability;
+            }
+            const float value = shape * probability[j];
+            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
+        }
+    }
+}
+
+void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, float* pdf) {
+    const WorldMap& map = table.view.world;
+    if (map.probability == 0.0f) {
+        for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
+        return;
+    }
+    pdf_map(map, direction, n, pdf);
+    for (int i = 0; i < n; ++i) pdf[i] *= map.probability;
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light

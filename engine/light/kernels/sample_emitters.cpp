@@ -1,0 +1,181 @@
+#include "light/kernels/sample_local.h"
+#include "light/kernels/select_emitter.h"
+#include "light/kernels/world_map.h"
+
+namespace talbot::light {
+inline namespace TALBOT_ISA {
+namespace {
+
+void clear(const LightQuery& query, const LightSamples& out) {
+    for (int i = 0; i < query.n; ++i) {
+        store(out.wi, i, load(query.n_s, i));
+        store(out.radiance, i, {});
+        out.distance[i] = 0.0f;
+        out.pdf[i] = 0.0f;
+        out.is_delta[i] = 0;
+        out.casts_shadow[i] = 1;
+        out.visibility[i] = 0;
+        out.emitter_object[i] = -1;
+    }
+}
+
+TALBOT_INLINE bool is_black(Rgb c) {
+    return c.x == 0.0f && c.y == 0.0f && c.z == 0.0f;
+}
+
+void sample_local(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
+                  LightScratch& scratch, const LightSamples& out) {
+    int32_t emitter[kSpan];
+    float probability[kSpan];
+    choose_emitters(table, query.p, query.pick_u, query.n, {emitter, probability});
+
+    LocalGroup group;
+    LocalSampled found;
+    for (int k = 0; k < kEmitterKinds; ++k) {
+        if (!table.has_kind[k]) continue;
+        const EmitterKind kind = EmitterKind(k);
+        int n = 0;
+        for (int i = 0; i < query.n; ++i) {
+            group.lane[n] = i;
+            n += emitter[i] >= 0 && table.emitters[emitter[i]].kind == k;
+        }
+        if (n == 0) continue;
+        group.n = n;
+        gather(emitter, group.lane, n, group.emitter);
+        gather3(query.p, group.lane, n, {group.px, group.py, group.pz});
+        gather(query.u, group.lane, n, group.u);
+        gather(query.v, group.lane, n, group.v);
+        gather(query.pick_v, group.lane, n, group.part);
+        for (int i = 0; i < n; ++i) group.depth[i] = query.bounce[group.lane[i]] + 1;
+        switch (kind) {
+            case EmitterKind::Rect: sample_rects(table, programs, group, found); break;
+            case EmitterKind::Mesh: sample_meshes(table, programs, context, scratch, group, found); break;
+            default: sample_point_lamps(table, kind, group, found); break;
+        }
+        if (table.has_lamp_programs && kind != EmitterKind::Mesh) {
+            float p[3][kSpan], wo[3][kSpan];
+            for (int i = 0; i < n; ++i) {
+                const Vec3 wi{found.x[i], found.y[i], found.z[i]};
+                store({p[0], p[1], p[2]}, i, Vec3{group.px[i], group.py[i], group.pz[i]} + wi * found.distance[i]);
+                store({wo[0], wo[1], wo[2]}, i, -wi);
+            }
+            const LampPoints points{{p[0], p[1], p[2]}, {found.nx, found.ny, found.nz}, {wo[0], wo[1], wo[2]}, found.coordinate_u, found.coordinate_v,
+                                    found.distance};
+            apply_lamp_programs(table, programs, context, scratch, found.lamp, false, points, nullptr, group.depth, n, {found.r, found.g, found.b});
+        }
+
+        const uint8_t is_delta = kind == EmitterKind::Point;
+        for (int i = 0; i < n; ++i) {
+            const int lane = group.lane[i];
+            const Rgb radiance{found.r[i], found.g[i], found.b[i]};
+            const float pdf = found.pdf[i] * probability[lane];
+            if (is_black(radiance) || !(pdf > 0.0f) || !(pdf < 1e30f) || query.bounce[lane] > found.max_bounces[i]) continue;
+            store(out.wi, lane, {found.x[i], found.y[i], found.z[i]});
+            store(out.radiance, lane, radiance);
+            out.distance[lane] = found.distance[i];
+            out.pdf[lane] = pdf;
+            out.is_delta[lane] = is_delta;
+            out.casts_shadow[lane] = found.casts_shadow[i];
+            out.visibility[lane] = found.visibility[i];
+            out.emitter_object[lane] = found.object[i];
+        }
+    }
+}
+
+void sample_suns(const EmitterView& table, const LightQuery& query, const int32_t* sun, const float* probability, const shader::Programs& programs,
+                 const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out) {
+    const float infinite = as_float(0x7f800000);
+    float wo[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
+    int32_t depth[kSpan];
+    for (int i = 0; i < query.n; ++i) {
+        if (sun[i] < 0) continue;
+        const Sun& s = table.suns[sun[i]];
+        const float drop = query.u[i] * s.one_minus_cos;
+        const float c = 1.0f - drop, radius = safe_sqrt(drop * (2.0f - drop));
+        float sp, cp;
+        lane_sincos(query.v[i] * kTwoPi, sp, cp);
+        const Vec3 wi = s.direction * c + s.axis_x * (radius * cp) + s.axis_y * (radius * sp);
+        const bool is_delta = s.one_minus_cos == 0.0f;
+        const float profile = s.tangent_profile && !is_delta ? 1.0f / maxf(c * c * c, 1e-12f) : 1.0f;
+        const float edge = maxf(safe_sqrt(s.one_minus_cos * (2.0f - s.one_minus_cos)), 1e-12f);
+        store(out.wi, i, wi);
+        store(out.radiance, i, s.power * profile);
+        out.distance[i] = infinite;
+        out.pdf[i] = query.bounce[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
+        out.is_delta[i] = is_delta;
+        out.casts_shadow[i] = uint8_t(s.casts_shadow);
+        out.visibility[i] = s.visibility;
+        store({wo[0], wo[1], wo[2]}, i, -wi);
+        u[i] = 0.5f + 0.5f * radius * cp / edge;
+        v[i] = 0.5f + 0.5f * radius * sp / edge;
+        distance[i] = infinite;
+        depth[i] = query.bounce[i] + 1;
+    }
+    if (!table.has_lamp_programs) return;
+    const LampPoints points{out.wi, {wo[0], wo[1], wo[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
+    apply_lamp_programs(table, programs, context, scratch, sun, true, points, nullptr, depth, query.n, out.radiance);
+}
+
+void sample_distant(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
+                    LightScratch& scratch, const LightSamples& out) {
+    const int n = query.n;
+    int32_t sun[kSpan], world_lane[kSpan];
+    float probability[kSpan];
+    int worlds = 0;
+    for (int i = 0; i < n; ++i) {
+        float u = query.pick_u[i];
+        sun[i] = -1;
+        probability[i] = table.world.probability;
+        for (int s = 0; s < table.sun_count; ++s) {
+            const float p = table.suns[s].probability;
+            if (u < p) {
+                sun[i] = s;
+                probability[i] = p;
+                break;
+            }
+            u -= p;
+        }
+        // Rounding may leave a crumb beyond the last one.
+        if (sun[i] < 0 && table.world.probability == 0.0f && table.sun_count > 0) {
+            sun[i] = table.sun_count - 1;
+            probability[i] = table.suns[sun[i]].probability;
+        }
+        world_lane[worlds] = i;
+        worlds += sun[i] < 0;
+    }
+    if (table.sun_count > 0) sample_suns(table, query, sun, probability, programs, context, scratch, out);
+    if (worlds == 0 || table.world.probability == 0.0f) return;
+
+    float u[kSpan], v[kSpan], x[kSpan], y[kSpan], z[kSpan], pdf[kSpan], r[kSpan], g[kSpan], b[kSpan];
+    int32_t depth[kSpan];
+    gather(query.u, world_lane, worlds, u);
+    gather(query.v, world_lane, worlds, v);
+    sample_map(table.world, u, v, worlds, {x, y, z}, pdf);
+    for (int i = 0; i < worlds; ++i) depth[i] = query.bounce[world_lane[i]] + 1;
+    evaluate_background(programs, context, scratch, table.world_shader, {x, y, z}, depth, worlds, {r, g, b});
+    for (int i = 0; i < worlds; ++i) {
+        const int lane = world_lane[i];
+        const Rgb radiance{r[i], g[i], b[i]};
+        if (is_black(radiance) || query.bounce[lane] > table.world_max_bounces) continue;
+        store(out.wi, lane, {x[i], y[i], z[i]});
+        store(out.radiance, lane, radiance);
+        out.distance[lane] = as_float(0x7f800000);
+        out.pdf[lane] = pdf[i] * table.world.probability;
+        out.visibility[lane] = table.world_visibility;
+    }
+}
+
+}  // namespace
+
+void sample_emitters(const EmitterTable& table, Stratum stratum, const LightQuery& query, const shader::Programs& programs,
+                     const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out) {
+    clear(query, out);
+    if (stratum == Stratum::Distant) {
+        sample_distant(table.view, query, programs, context, scratch, out);
+    } else if (table.view.emitter_count > 0) {
+        sample_local(table.view, query, programs, context, scratch, out);
+    }
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light

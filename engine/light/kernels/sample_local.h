@@ -1,0 +1,55 @@
+/// One sample of each kind of local emitter, lanes of one kind at a time. Internal to sample_emitters.
+#pragma once
+
+#include "light/kernels/emission.h"
+#include "light/kernels/shapes.h"
+
+namespace talbot::light {
+
+/// Lanes that chose emitters of the same kind, gathered.
+struct LocalGroup {
+    int n = 0;
+    int32_t lane[kSpan];
+    int32_t emitter[kSpan];
+    float px[kSpan], py[kSpan], pz[kSpan];
+    float u[kSpan], v[kSpan];  ///< place on the emitter
+    float part[kSpan];         ///< which triangle
+    int32_t depth[kSpan];      ///< bounces, one more than the point's
+};
+
+/// What they found: pdf without the choice's probability; for delta emitters 1.
+struct LocalSampled {
+    float x[kSpan], y[kSpan], z[kSpan];
+    float distance[kSpan], pdf[kSpan];
+    float r[kSpan], g[kSpan], b[kSpan];
+    int32_t visibility[kSpan], object[kSpan], max_bounces[kSpan];
+    uint8_t casts_shadow[kSpan];
+    int32_t lamp[kSpan];                        ///< -1: mesh
+    float nx[kSpan], ny[kSpan], nz[kSpan];      ///< lamp programs only
+    float coordinate_u[kSpan], coordinate_v[kSpan];
+};
+
+inline namespace TALBOT_ISA {
+
+void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalGroup& in, LocalSampled& out);
+void sample_rects(const EmitterView& table, const shader::Programs& programs, const LocalGroup& in, LocalSampled& out);
+void sample_meshes(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
+                   const LocalGroup& in, LocalSampled& out);
+
+/// Texture coordinates of point and spot lamps by direction; of area lamps, 0..1 over the rectangle.
+TALBOT_INLINE void lamp_coordinates(const Lamp& lamp, Vec3 away, float& u, float& v) {
+    const float* m = lamp.to_local;
+    const Vec3 d = normalize(Vec3{m[0] * away.x + m[1] * away.y + m[2] * away.z, m[3] * away.x + m[4] * away.y + m[5] * away.z,
+                                  m[6] * away.x + m[7] * away.y + m[8] * away.z});
+    const float inv_z = 1.0f / maxf(-d.z, 1e-6f);
+    const bool spot = lamp.is_spot != 0.0f;
+    u = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.x * inv_z : 0.5f - lane_atan2(d.x, d.y) * (0.5f * kInvPi);
+    v = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.y * inv_z : 1.0f - lane_acos(d.z) * kInvPi;
+}
+TALBOT_INLINE void rect_coordinates(const Rect& rect, float a, float b, float& u, float& v) {
+    u = 0.5f + 0.5f * a / maxf(rect.half_x, 1e-30f);
+    v = 0.5f + 0.5f * b / maxf(rect.half_y, 1e-30f);
+}
+
+}  // namespace TALBOT_ISA
+}  // namespace talbot::light
