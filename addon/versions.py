@@ -60,3 +60,11 @@ class CyclesSettings:
 def cycles_settings(owner: Any) -> CyclesSettings:
     """Reader of the Cycles settings of a scene, object, light, camera, material, world or view layer."""
     return CyclesSettings(owner)
+
+
+def working_space() -> str:
+    """Name of the scene-linear colour space of the open file, as Blender's OpenColorIO configuration spells it."""
+    chosen = getattr(getattr(bpy.data, "colorspace", None), "working_space", "")
+    if chosen:
+        return chosen
+    return "Linear" if bpy.app.version < (4, 0, 0) else "Linear Rec.709"

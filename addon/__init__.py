@@ -1,0 +1,38 @@
+"""Talbot, a path tracer for Blender. One package is both a legacy add-on (3.4) and an extension (4.2 and newer).
+
+This module registers and unregisters, nothing else.
+"""
+
+import atexit
+
+from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer
+
+bl_info = {
+    "name": "Talbot",
+    "author": "The Talbot developers",
+    "description": "Physically based path tracer for the CPU",
+    "version": (0, 1, 0),
+    "blender": (3, 4, 0),
+    "location": "Properties > Render > Render Engine",
+    "category": "Render",
+}
+
+_MODULES = (properties, engine, ui, ui_data, ui_layer, compat_ui)
+
+
+def register() -> None:
+    """Registers everything, even when the native module is absent: the engine then says so at each render."""
+    problem = native.load(".".join(str(number) for number in bl_info["version"]))
+    if problem:
+        print(f"Talbot: {problem}")
+    for module in _MODULES:
+        module.register()
+    # Some Blender builds hang or crash at exit when a Python RenderEngine is still registered.
+    atexit.register(unregister)
+
+
+def unregister() -> None:
+    """Undoes `register`; may be called twice, and at exit when Blender has torn half of it down."""
+    atexit.unregister(unregister)
+    for module in reversed(_MODULES):
+        module.unregister()

@@ -1,0 +1,226 @@
+"""A final render: one view layer of one frame, from Blender's scene to Blender's render result."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from . import native, passes, reports
+from .sessions import Synced, open_session
+
+WAIT_MILLISECONDS = 200
+"""How long a cancel may go unnoticed."""
+
+PICTURE_SHARE = 0.05
+"""Share of the time that intermediate pictures may take."""
+
+MEBIBYTE = 1 << 20
+MAX_METADATA = 1000
+
+
+@dataclass
+class FinalState:
+    """What an engine keeps between frames and view layers while the scene asks for persistent data."""
+
+    kept: dict[str, Synced] = field(default_factory=dict)
+    running: Any = None
+    frame: tuple[str, int, float] | None = None
+
+    def close(self) -> None:
+        """Stops and frees the sessions."""
+        if self.running is not None:
+            self.running.stop()
+            self.running = None
+        for synced in self.kept.values():
+            synced.session.stop()
+        self.kept.clear()
+
+
+@contextmanager
+def result_of(engine: Any, width: int, height: int, layer_name: str) -> Iterator[Any]:
+    """Blender's result for one layer, ended whatever happens: a missing end crashes Blender when it writes a file."""
+    result = engine.begin_result(0, 0, width, height, layer=layer_name)
+    try:
+        yield result
+    finally:
+        engine.end_result(result)
+
+
+def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
+    """Renders the depsgraph's view layer, every view of it (stereo), all passes."""
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer_eval
+    with result_of(engine, engine.resolution_x, engine.resolution_y, layer.name) as result:
+        if not result.layers:
+            raise RuntimeError(f"view layer {layer.name} has no place in the result")
+        LayerRender(engine, state, depsgraph, scene, layer, result).run()
+
+
+def describe_seconds(seconds: float) -> str:
+    """12.34 s as Blender writes times: 00:12.34."""
+    minutes, rest = divmod(max(0.0, seconds), 60.0)
+    hours, minutes = divmod(int(minutes), 60)
+    head = f"{hours}:{minutes:02d}" if hours else f"{minutes:02d}"
+    return f"{head}:{rest:05.2f}"
+
+
+def check_failed(session: Any, progress: dict[str, Any]) -> None:
+    """Raises what made the session fail."""
+    if progress["state"] == "failed":
+        raise native.module().Error(session.error())
+
+
+class LayerRender:
+    """One call of Blender's `render`."""
+
+    def __init__(self, engine: Any, state: FinalState, depsgraph: Any, scene: Any, layer: Any, result: Any) -> None:
+        self.engine = engine
+        self.state = state
+        self.depsgraph = depsgraph
+        self.scene = scene
+        self.layer = layer
+        self.result = result
+        self.pixels = result.resolution_x * result.resolution_y
+        self.passes = passes.wanted(scene, layer)
+        self.denoise = passes.denoises(scene, layer)
+        self.views = [view.name for view in result.views] or [""]
+        self.reports = self._reports_of_frame()
+
+    def _reports_of_frame(self) -> reports.Reports:
+        """The view layers of a frame share one list."""
+        frame = (self.scene.name, self.scene.frame_current, self.scene.frame_subframe)
+        if frame == self.state.frame:
+            return reports.of_scene(self.scene.name)
+        self.state.frame = frame
+        return reports.begin(self.scene.name)
+
+    def run(self) -> None:
+        """Reads the scene once, renders every view."""
+        started = time.perf_counter()
+        synced = self._synchronise()
+        sync_seconds = time.perf_counter() - started
+        session = synced.session
+        self.state.running = session
+        session.set_passes(passes.native_names(self.passes, denoise=self.denoise))
+        for number, view in enumerate(self.views):
+            if view:
+                self.engine.active_view_set(view)
+                synced.sync.set_render_camera(self.engine, self.depsgraph)
+            if not self._render_view(session, view, number):
+                break
+        self._finish(synced, sync_seconds)
+
+    def _synchronise(self) -> Synced:
+        """A session that holds the scene; the kept one, brought up to date, with persistent data."""
+        engine, scene, layer = self.engine, self.scene, self.layer
+        engine.update_stats(f"{scene.name}, {layer.name}", "Synchronizing")
+        persistent = scene.render.use_persistent_data
+        synced = self.state.kept.get(layer.name) if persistent else None
+        if synced is None:
+            synced = open_session()
+        outcome = synced.sync.full(
+            self.depsgraph,
+            scene,
+            layer,
+            width=engine.resolution_x,
+            height=engine.resolution_y,
+            viewport=False,
+        )
+        lines = [reports.Line("warning", str(text)) for text in outcome.warnings]
+        lines += [
+            reports.Line("warning", f"The {name} pass is not available in Talbot yet", f"View Layer {layer.name}")
+            for name in passes.not_offered(layer)
+        ]
+        reports.publish(engine, self.reports, lines)
+        if persistent:
+            self.state.kept[layer.name] = synced
+        else:
+            self.state.kept.clear()
+        return synced
+
+    def _render_view(self, session: Any, view: str, number: int) -> bool:
+        """Renders one view to its end. False when the user cancelled; what there is has been written."""
+        engine = self.engine
+        session.start()
+        seen = 0
+        next_picture = time.perf_counter() + 0.5
+        cancelled = False
+        while True:
+            finished = session.wait(WAIT_MILLISECONDS)
+            if engine.test_break():
+                session.cancel()
+                session.stop()
+                cancelled = True
+                break
+            progress = session.progress()
+            check_failed(session, progress)
+            self._show_progress(progress, number)
+            if finished:
+                break
+            now = time.perf_counter()
+            if not bpy.app.background and progress["image_version"] != seen and now >= next_picture:
+                seen = progress["image_version"]
+                passes.write(self.result.layers[0], view, self.passes[:1], session, self.pixels)
+                engine.update_result(self.result)
+                spent = time.perf_counter() - now
+                next_picture = now + max(0.5, spent / PICTURE_SHARE)
+        denoised = None if cancelled else self._denoise(session)
+        passes.write(self.result.layers[0], view, self.passes, session, self.pixels, denoised=denoised)
+        engine.update_result(self.result)
+        return not cancelled
+
+    def _denoise(self, session: Any) -> NDArray[np.float32] | None:
+        if not self.denoise:
+            return None
+        self.engine.update_stats(self._stats_line(session.progress()), "Denoising")
+        return session.denoise(native.library_dirs())
+
+    def _stats_line(self, progress: dict[str, Any]) -> str:
+        parts = [f"{self.scene.name}, {self.layer.name}"]
+        if progress["remaining"] >= 0 and progress["state"] == "rendering":
+            parts.insert(0, f"Remaining:{describe_seconds(progress['remaining'])}")
+        memory, peak = progress["memory"] / MEBIBYTE, progress["memory_peak"] / MEBIBYTE
+        parts.append(f"Mem:{memory:.0f}M, Peak:{peak:.0f}M")
+        return " | ".join(parts)
+
+    def _show_progress(self, progress: dict[str, Any], view_number: int) -> None:
+        engine = self.engine
+        engine.update_memory_stats(
+            memory_used=progress["memory"] / MEBIBYTE, memory_peak=progress["memory_peak"] / MEBIBYTE
+        )
+        engine.update_progress((view_number + min(1.0, progress["fraction"])) / len(self.views))
+        engine.update_stats(self._stats_line(progress), progress["status"])
+
+    def _finish(self, synced: Synced, sync_seconds: float) -> None:
+        session = synced.session
+        lines = reports.from_session(session)
+        reports.publish(self.engine, self.reports, lines)
+        self._stamp(session, sync_seconds)
+        self.state.running = None
+        if not self.scene.render.use_persistent_data:
+            session.stop()
+
+    def _stamp(self, session: Any, sync_seconds: float) -> None:
+        """What made the picture, into the file's metadata."""
+        progress = session.progress()
+        module = native.module()
+        result = self.engine.get_result()
+        prefix = f"talbot.{self.layer.name}"
+        fallbacks = "; ".join(str(line) for line in self.reports.lines if line.level != "info")
+        fields = {
+            "talbot.version": module.__version__,
+            "talbot.instruction_set": module.chosen_instruction_set(),
+            "talbot.seed": str(self.scene.talbot.seed),
+            f"{prefix}.samples": str(progress["samples_done"]),
+            f"{prefix}.render_time": describe_seconds(progress["seconds"]),
+            f"{prefix}.synchronization_time": describe_seconds(sync_seconds),
+        }
+        if fallbacks:
+            fields[f"{prefix}.fallbacks"] = fallbacks[:MAX_METADATA]
+        for name, value in fields.items():
+            result.stamp_data_add_field(name, value)

@@ -1,0 +1,160 @@
+"""The rendered viewport: follows the scene and the view, and draws the newest picture until its samples are done."""
+
+import weakref
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.presets import draw_texture_2d
+from numpy.typing import NDArray
+
+from . import final, native, reports
+from .sessions import open_session
+
+TICK_SECONDS = 0.05
+WORKING = ("updating", "rendering")
+
+
+class Viewport:
+    """One 3D viewport in rendered mode. Holds no Blender data beyond a callback."""
+
+    def __init__(self) -> None:
+        self.failure = ""
+        self.session: Any = None
+        self.sync: Any = None
+        self.size = (0, 0)
+        self._drawn_version = -1
+        self._denoised_version = -1
+        self._texture: Any = None
+        self._pixels: NDArray[np.float32] | None = None  # the GPU buffer aliases this memory
+        self._closed = False
+        self._ticking = False
+
+    def close(self) -> None:
+        """Stops rendering; called when Blender frees the engine."""
+        self._closed = True
+        self._texture = None
+        self._pixels = None
+        if self.session is not None:
+            self.session.stop()
+            self.session = None
+            self.sync = None
+
+    def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
+        """The scene changed: reads it whole the first time (or after a failure), then only what changed."""
+        if self.session is None or self.failure:
+            self._start(engine, context, depsgraph)
+        elif self.sync is not None and self.sync.update(depsgraph):
+            self._restart(engine, depsgraph.scene)
+
+    def _start(self, engine: Any, context: Any, depsgraph: Any) -> None:
+        if self.session is not None:
+            self.session.stop()
+        synced = open_session()
+        self.session, self.sync = synced.session, synced.sync
+        self.size = (context.region.width, context.region.height)
+        width, height = self.size
+        scene = depsgraph.scene
+        outcome = self.sync.full(depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True)
+        kept = reports.begin(scene.name)
+        for text in outcome.warnings:
+            kept.add(reports.Line("warning", str(text)))
+        self.sync.set_viewport_camera(context, context.region, context.region_data, width, height)
+        passes_wanted = ["combined"]
+        if scene.talbot.use_preview_denoising:
+            passes_wanted += ["denoising_albedo", "denoising_normal"]
+        self.session.set_passes(passes_wanted)
+        self.failure = ""
+        self._restart(engine, scene)
+
+    def _restart(self, engine: Any, scene: Any) -> None:
+        self.session.start()
+        self._drawn_version = -1
+        self._denoised_version = -1
+        self._keep_ticking(engine)
+        engine.update_stats("Talbot", "Updating")
+
+    def draw(self, engine: Any, context: Any, depsgraph: Any) -> None:
+        """Follows the view, then draws the newest picture there is."""
+        if self.session is None or self.sync is None:
+            if self.failure:
+                engine.update_stats("Talbot", f"Error: {self.failure}")
+                return
+            self._start(engine, context, depsgraph)
+        region = context.region
+        width, height = region.width, region.height
+        if self.sync.set_viewport_camera(context, region, context.region_data, width, height):
+            self.size = (width, height)
+            self._restart(engine, depsgraph.scene)
+        progress = self.session.progress()
+        final.check_failed(self.session, progress)
+        self._refresh_texture(depsgraph.scene, progress)
+        if self._texture is not None:
+            gpu.state.blend_set("ALPHA_PREMULT")
+            # The texture may be of the size before a resize: stretched until the first new samples are there.
+            draw_texture_2d(self._texture, (0, 0), width, height)
+            gpu.state.blend_set("NONE")
+        self._show_status(engine, progress)
+        if progress["state"] in WORKING:
+            self._keep_ticking(engine)
+
+    def _refresh_texture(self, scene: Any, progress: dict[str, Any]) -> None:
+        version = progress["image_version"]
+        done = progress["state"] == "done"
+        if done and scene.talbot.use_preview_denoising and self._denoised_version != version:
+            self._denoised_version = version
+            denoised = self.session.denoise(native.library_dirs())
+            if denoised is not None:
+                self._upload(denoised)
+                self._drawn_version = version
+        if version == self._drawn_version:
+            return
+        pixels = self.session.read_pass("combined")
+        if pixels is not None:
+            self._upload(pixels)
+            self._drawn_version = version
+
+    def _upload(self, pixels: NDArray[np.float32]) -> None:
+        width, height = self.session.size()
+        if pixels.shape[0] != width * height:
+            return
+        self._pixels = np.ascontiguousarray(pixels, np.float32)
+        buffer = gpu.types.Buffer("FLOAT", self._pixels.size, self._pixels.reshape(-1))
+        self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
+
+    def _show_status(self, engine: Any, progress: dict[str, Any]) -> None:
+        memory = f"Mem:{progress['memory'] / final.MEBIBYTE:.0f}M"
+        done = progress["state"] == "done"
+        status = "Rendering Done" if done else progress["status"]
+        engine.update_stats(f"{memory} | Time:{final.describe_seconds(progress['seconds'])}", status)
+
+    def _keep_ticking(self, engine: Any) -> None:
+        """Asks Blender for redraws while the picture changes. The timer ends with the work or the viewport."""
+        if self._ticking:
+            return
+        self._ticking = True
+        bpy.app.timers.register(_ticker(weakref.ref(self), weakref.ref(engine)), first_interval=TICK_SECONDS)
+
+
+def _ticker(view_ref: Any, engine_ref: Any) -> Any:
+    last = [-1]
+
+    def tick() -> float | None:
+        view, engine = view_ref(), engine_ref()
+        if view is None or engine is None or view._closed or view.session is None:
+            return None
+        progress = view.session.progress()
+        try:
+            if progress["image_version"] != last[0] or progress["state"] not in WORKING:
+                last[0] = progress["image_version"]
+                engine.tag_redraw()
+        except ReferenceError:  # Blender freed the engine between two ticks
+            view._ticking = False
+            return None
+        if progress["state"] not in WORKING:
+            view._ticking = False
+            return None
+        return TICK_SECONDS
+
+    return tick

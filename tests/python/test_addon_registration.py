@@ -1,0 +1,183 @@
+"""Registering, unregistering, and what stands in the way of the native module."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import pytest
+import talbot
+from talbot import compat_ui, native, versions
+
+
+def engine_names() -> set[str]:
+    return {getattr(cls, "bl_idname", "") for cls in bpy.types.RenderEngine.__subclasses__()}
+
+
+def test_versions_agree() -> None:
+    manifest = (Path(talbot.__file__).parent / "blender_manifest.toml").read_text(encoding="utf-8")
+    found = re.search(r'^version = "(.+)"$', manifest, re.MULTILINE)
+    assert found and found[1] == ".".join(str(n) for n in talbot.bl_info["version"])
+
+
+def test_register_and_unregister_twice() -> None:
+    panels_before = {p: set(p.COMPAT_ENGINES) for p in bpy.types.Panel.__subclasses__() if hasattr(p, "COMPAT_ENGINES")}
+    try:
+        talbot.unregister()
+        talbot.unregister()
+        assert not hasattr(bpy.types.Scene, "talbot")
+        open_panels = [
+            p
+            for p in bpy.types.Panel.__subclasses__()
+            if "TALBOT" in getattr(p, "COMPAT_ENGINES", ()) and not p.__name__.startswith("TALBOT_")
+        ]
+        assert open_panels == []
+        with pytest.raises(TypeError):
+            bpy.context.scene.render.engine = "TALBOT"
+    finally:
+        talbot.register()
+    assert bpy.context.scene.talbot.use_cycles_settings
+    bpy.context.scene.render.engine = "TALBOT"
+    for panel, engines in panels_before.items():
+        if not panel.__name__.startswith("TALBOT_"):
+            assert engines == set(panel.COMPAT_ENGINES), panel.__name__
+
+
+def test_unregister_restores_the_node_menu() -> None:
+    items = sys.modules.get("nodeitems_builtins")
+    if not hasattr(items, "cycles_shader_nodes_poll"):
+        pytest.skip("this Blender's Add menu is open to any engine")
+    context = SimpleNamespace(engine="TALBOT")
+    assert items.cycles_shader_nodes_poll(context)
+    compat_ui.unregister()
+    assert not items.cycles_shader_nodes_poll(context)
+    compat_ui.register()
+    assert items.cycles_shader_nodes_poll(context)
+
+
+def test_settings_survive_registering_again() -> None:
+    scene = bpy.context.scene
+    scene.talbot.samples = 77
+    talbot.unregister()
+    talbot.register()
+    assert scene.talbot.samples == 77
+    del scene.talbot["samples"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "DATA_PT_lens",
+        "DATA_PT_camera_dof",
+        "EEVEE_MATERIAL_PT_surface",
+        "EEVEE_WORLD_PT_surface",
+        "RENDER_PT_color_management",
+        "VIEWLAYER_PT_layer_passes",
+        "MATERIAL_PT_preview",
+    ],
+)
+def test_blender_panels_are_open(name: str) -> None:
+    panel = getattr(bpy.types, name)
+    assert "TALBOT" in panel.COMPAT_ENGINES
+    assert panel.COMPAT_ENGINES is not bpy.types.RENDER_PT_eevee_film.COMPAT_ENGINES
+
+
+class TestNativeModule:
+    """native.load with modules that are wrong in each way."""
+
+    @pytest.fixture(autouse=True)
+    def keep(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setattr(native, "_module", native._module)
+        monkeypatch.setattr(native, "_problem", native._problem)
+        monkeypatch.setattr(native, "_FOLDER", tmp_path)
+
+    @staticmethod
+    def fake(**wrong: object) -> SimpleNamespace:
+        class Error(RuntimeError):
+            pass
+
+        def refuse() -> None:
+            raise Error("Another Embree answers")
+
+        module = SimpleNamespace(
+            __version__="0.1.0", Error=Error, chosen_instruction_set=lambda: "v2", check=lambda: None
+        )
+        if "check" in wrong:
+            module.check = refuse
+        if "version" in wrong:
+            module.__version__ = wrong["version"]
+        return module
+
+    def load(self, monkeypatch: pytest.MonkeyPatch, module: object) -> str:
+        def imported(name: str, package: str | None = None) -> object:
+            if isinstance(module, Exception):
+                raise module
+            return module
+
+        monkeypatch.setattr(native.importlib, "import_module", imported)
+        return native.load("0.1.0")
+
+    def test_good(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        module = self.fake()
+        assert self.load(monkeypatch, module) == ""
+        assert native.module() is module
+
+    def test_absent(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        problem = self.load(monkeypatch, ModuleNotFoundError("No module named", name="talbot._talbot"))
+        assert "is missing" in problem
+        with pytest.raises(native.Unavailable, match="is missing"):
+            native.module()
+
+    def test_of_another_python(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "_talbot.cpython-39-x86_64-linux-gnu.so").write_bytes(b"")
+        problem = self.load(monkeypatch, ModuleNotFoundError("No module named", name="talbot._talbot"))
+        assert "_talbot.cpython-39-x86_64-linux-gnu.so is not for this Blender's Python" in problem
+
+    def test_library_missing(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "_talbot.so").write_bytes(b"")
+        problem = self.load(monkeypatch, ImportError("libembree3.so.3: cannot open shared object file"))
+        assert "_talbot.so cannot be loaded: libembree3.so.3" in problem
+
+    def test_old_one_in_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert "restart Blender" in self.load(monkeypatch, self.fake(version="0.0.9"))
+
+    def test_check_refuses(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert self.load(monkeypatch, self.fake(check=False)) == "Another Embree answers"
+
+    def test_real_file_of_another_python(self, tmp_path: Path) -> None:
+        """Python itself, not a fake of it: a module with another tag is not found."""
+        package = tmp_path / "wrong_python_package"
+        package.mkdir()
+        (package / "__init__.py").write_text("")
+        (package / "_talbot.cpython-39-x86_64-linux-gnu.so").write_bytes(b"")
+        sys.path.insert(0, str(tmp_path))
+        try:
+            with pytest.raises(ModuleNotFoundError) as caught:
+                native.importlib.import_module("._talbot", "wrong_python_package")
+        finally:
+            sys.path.remove(str(tmp_path))
+        native._FOLDER = package
+        assert "is not for this Blender's Python" in native._why_not_imported(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("version", "semantics"),
+    [
+        ((2, 93, 0), 304),
+        ((3, 4, 1), 304),
+        ((3, 6, 2), 304),
+        ((4, 1, 0), 304),
+        ((4, 2, 1), 402),
+        ((4, 4, 0), 402),
+        ((4, 5, 15), 405),
+        ((5, 0, 1), 500),
+        ((5, 1, 0), 500),
+        ((5, 3, 0), 502),
+        ((6, 0, 0), 502),
+    ],
+)
+def test_semantics_version(version: tuple[int, int, int], semantics: int) -> None:
+    assert versions.semantics_version(version) == semantics
