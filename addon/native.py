@@ -51,7 +51,8 @@ def _why_not_imported(error: ImportError) -> str:
     found = sorted(path.name for path in _FOLDER.glob(f"{_NAME}*.so"))
     if not found:
         return f"The native module is missing from {_FOLDER}: install a packaged Talbot, or build it with CMake"
-    if error.name and error.name.endswith(_NAME):
+    # A file that is found but does not load raises ImportError itself, under the same name.
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").endswith(_NAME):
         return f"The native module {found[0]} is not for this Blender's Python {running}: install the matching build"
     return f"The native module {found[0]} cannot be loaded: {error}"
 

@@ -239,9 +239,9 @@ class TALBOT_RENDER_PT_warnings(TalbotPanel, bpy.types.Panel):
     bl_label = "Warnings"
     MAX_SHOWN = 60
 
-    def draw_header(self, context: Any) -> None:
-        count = len(_problems(context.scene))
-        self.layout.label(text=f"({count})" if count else "(none)")
+    def draw_header_preset(self, context: Any) -> None:
+        """The count stands at the right end, readable while the panel is closed."""
+        self.layout.label(text=str(len(_problems(context.scene)) or "none"))
 
     def draw(self, context: Any) -> None:
         layout = self.layout

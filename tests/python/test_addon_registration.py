@@ -138,7 +138,10 @@ class TestNativeModule:
 
     def test_library_missing(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         (tmp_path / "_talbot.so").write_bytes(b"")
-        problem = self.load(monkeypatch, ImportError("libembree3.so.3: cannot open shared object file"))
+        problem = self.load(
+            monkeypatch,
+            ImportError("libembree3.so.3: cannot open shared object file", name="talbot._talbot", path="_talbot.so"),
+        )
         assert "_talbot.so cannot be loaded: libembree3.so.3" in problem
 
     def test_old_one_in_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
