@@ -1,0 +1,21 @@
+/// Geometry that lies in the same place twice. Only the first copy is given to the tracer, so that what is hit never depends on how the
+/// hierarchy was built or which rays travel together, and costs nothing while tracing.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "scene/view.h"
+
+namespace talbot::geometry {
+
+/// Triangles (indices, ascending) with the same three positions as an earlier one of the mesh, in any order of the corners.
+/// Throws Error when a triangle names a vertex that does not exist.
+std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh);
+
+/// mask[i] = visibility[i] without the rays that already see an earlier object with equal triangles in the same place.
+/// `meshes[i]` is null where object i is not placed; its mask is 0.
+std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, std::span<const scene::Mesh* const> meshes);
+
+}  // namespace talbot::geometry
