@@ -20,22 +20,22 @@
 namespace talbot {
 
 enum class ClosureType : uint8_t {
-    Diffuse,            ///< Lambert. no parameters
-    OrenNayar,          ///< roughness (0..1), albedo r g b of the multiple-scattering term (Cycles 4.3 and later; the older one ignores it: OrenNayarFujii)
-    OrenNayarFujii,     ///< roughness; qualitative model without multiple scattering (Cycles until 4.2)
-    Translucent,        ///< Lambert on the other side. no parameters
-    Transparent,        ///< passes straight on. no parameters
-    Microfacet,         ///< reflection. alpha_x, alpha_y, tangent xyz, fresnel kind + data (see microfacet.h)
-    MicrofacetRefract,  ///< refraction only (Walter); alpha_x, alpha_y, tangent, ior
-    MicrofacetGlass,    ///< reflection and refraction by Fresnel; alpha, ior, tints
-    AshikhminShirley,   ///< alpha_x, alpha_y, tangent
-    AshikhminVelvet,    ///< sigma
-    SheenLtc,           ///< roughness
-    DiffuseToon,
-    GlossyToon,             ///< size, smooth
+    Diffuse,                ///< Lambert. no parameters
+    OrenNayar,              ///< roughness (0..1), albedo r g b of the multiple-scattering term (Cycles 4.3 and later)
+    OrenNayarFujii,         ///< roughness; qualitative model without multiple scattering (Cycles until 4.2)
+    Translucent,            ///< Lambert on the other side. no parameters
+    Transparent,            ///< passes straight on. no parameters
+    Microfacet,             ///< reflection. alpha_x, alpha_y, tangent xyz, Fresnel data (see microfacet.h, also for the variants)
+    MicrofacetRefract,      ///< refraction only (Walter); alpha_x, alpha_y, tangent, ior
+    MicrofacetGlass,        ///< reflection and refraction by Fresnel: alpha, ior, F0 scale rgb, reflection tint rgb, transmission tint rgb
+    AshikhminShirley,       ///< alpha_x, alpha_y, tangent
+    AshikhminVelvet,        ///< sigma (0.01 and more)
+    SheenLtc,               ///< roughness (0.001 .. 1); microfiber
+    DiffuseToon,            ///< size, smooth (0..1)
+    GlossyToon,             ///< size, smooth (0..1)
     PrincipledDiffuseV1,    ///< roughness
     PrincipledSheenV1,      ///< no parameters
-    PrincipledClearcoatV1,  ///< alpha (GTR1)
+    PrincipledClearcoatV1,  ///< alpha (GTR1); the model's factor 1/4 belongs into the weight
     Emission,               ///< not a scattering lobe: radiance = weight
     Holdout,                ///< absorbs and removes alpha
 };
