@@ -16,6 +16,9 @@ from .sessions import Synced, open_session
 WAIT_MILLISECONDS = 200
 """How long a cancel may go unnoticed."""
 
+LINE_SECONDS = 1.0
+"""Least time between two lines on the console of a background render."""
+
 PICTURE_SHARE = 0.05
 """Share of the time that intermediate pictures may take."""
 
@@ -89,6 +92,7 @@ class LayerRender:
         self.passes = passes.wanted(scene, layer)
         self.denoise = passes.denoises(scene, layer)
         self.views = [view.name for view in result.views] or [""]
+        self.shown = ("", 0.0)
         self.reports = self._reports_of_frame()
 
     def _reports_of_frame(self) -> reports.Reports:
@@ -194,7 +198,17 @@ class LayerRender:
             memory_used=progress["memory"] / MEBIBYTE, memory_peak=progress["memory_peak"] / MEBIBYTE
         )
         engine.update_progress((view_number + min(1.0, progress["fraction"])) / len(self.views))
-        engine.update_stats(self._stats_line(progress), progress["status"])
+        self._show_status(progress)
+
+    def _show_status(self, progress: dict[str, Any]) -> None:
+        """Blender prints each status in the background: only new ones, and not too many."""
+        status, now = progress["status"], time.perf_counter()
+        before, when = self.shown
+        ended = progress["state"] == "done"
+        if status == before or (bpy.app.background and not ended and now - when < LINE_SECONDS):
+            return
+        self.shown = (status, now)
+        self.engine.update_stats(self._stats_line(progress), status)
 
     def _finish(self, synced: Synced, sync_seconds: float) -> None:
         session = synced.session

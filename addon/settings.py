@@ -269,6 +269,7 @@ def engine_settings(
         "threads": render.threads if render.threads_mode == "FIXED" else 0,
         "ocio_config": ocio_config(),
         "working_space": versions.working_space(),
+        "luminance_weights": list(versions.luminance_weights()),
         "viewport": viewport,
     }
     world = getattr(view_layer, "world_override", None) or scene.world

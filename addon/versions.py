@@ -62,6 +62,18 @@ def cycles_settings(owner: Any) -> CyclesSettings:
     return CyclesSettings(owner)
 
 
+_LUMINANCE = {
+    "Linear Rec.2020": (0.2627002, 0.6779981, 0.0593017),
+    "ACEScg": (0.2722287, 0.6740818, 0.0536895),
+}
+"""Y of the primaries of the working spaces that 5.0 offers besides Rec.709."""
+
+
+def luminance_weights() -> tuple[float, float, float]:
+    """Luminance of the working space's red, green and blue."""
+    return _LUMINANCE.get(working_space(), (0.2126, 0.7152, 0.0722))
+
+
 def working_space() -> str:
     """Name of the scene-linear colour space of the open file, as Blender's OpenColorIO configuration spells it."""
     chosen = getattr(getattr(bpy.data, "colorspace", None), "working_space", "")

@@ -9,7 +9,7 @@ import numpy as np
 from gpu_extras.presets import draw_texture_2d
 from numpy.typing import NDArray
 
-from . import final, native, reports
+from . import final, native, passes, reports
 from .sessions import open_session
 
 TICK_SECONDS = 0.05
@@ -23,52 +23,65 @@ class Viewport:
         self.failure = ""
         self.session: Any = None
         self.sync: Any = None
-        self.size = (0, 0)
         self._drawn_version = -1
         self._denoised_version = -1
         self._texture: Any = None
         self._pixels: NDArray[np.float32] | None = None  # the GPU buffer aliases this memory
-        self._closed = False
-        self._ticking = False
+        self._passes: list[str] = []
+        self.closed = False
+        self.ticking = False
 
     def close(self) -> None:
         """Stops rendering; called when Blender frees the engine."""
-        self._closed = True
+        self.closed = True
         self._texture = None
         self._pixels = None
+        self._stop()
+
+    def _stop(self) -> None:
         if self.session is not None:
             self.session.stop()
-            self.session = None
-            self.sync = None
+        self.session = None
+        self.sync = None
 
     def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
         """The scene changed: reads it whole the first time (or after a failure), then only what changed."""
         if self.session is None or self.failure:
             self._start(engine, context, depsgraph)
-        elif self.sync is not None and self.sync.update(depsgraph):
-            self._restart(engine, depsgraph.scene)
+            return
+        changed = self.sync.update(depsgraph)
+        if self._choose_passes(depsgraph.scene) or changed:
+            self._restart(engine)
 
     def _start(self, engine: Any, context: Any, depsgraph: Any) -> None:
-        if self.session is not None:
-            self.session.stop()
+        """A new session; the old one, if any, may be in an unknown state."""
+        self._stop()
         synced = open_session()
-        self.session, self.sync = synced.session, synced.sync
-        self.size = (context.region.width, context.region.height)
-        width, height = self.size
-        scene = depsgraph.scene
-        outcome = self.sync.full(depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True)
+        region, scene = context.region, depsgraph.scene
+        width, height = region.width, region.height
+        outcome = synced.sync.full(
+            depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True
+        )
         kept = reports.begin(scene.name)
         for text in outcome.warnings:
             kept.add(reports.Line("warning", str(text)))
-        self.sync.set_viewport_camera(context, context.region, context.region_data, width, height)
-        passes_wanted = ["combined"]
-        if scene.talbot.use_preview_denoising:
-            passes_wanted += ["denoising_albedo", "denoising_normal"]
-        self.session.set_passes(passes_wanted)
+        synced.sync.set_viewport_camera(context, region, context.region_data, width, height)
+        self.session, self.sync = synced.session, synced.sync
         self.failure = ""
-        self._restart(engine, scene)
+        self._passes = []
+        self._choose_passes(scene)
+        self._restart(engine)
 
-    def _restart(self, engine: Any, scene: Any) -> None:
+    def _choose_passes(self, scene: Any) -> bool:
+        """Asks for the denoiser's guides while it is on. True when that changed."""
+        wanted = ["combined", *(passes.DENOISING_GUIDES if scene.talbot.use_preview_denoising else ())]
+        if wanted == self._passes:
+            return False
+        self._passes = wanted
+        self.session.set_passes(wanted)
+        return True
+
+    def _restart(self, engine: Any) -> None:
         self.session.start()
         self._drawn_version = -1
         self._denoised_version = -1
@@ -77,27 +90,29 @@ class Viewport:
 
     def draw(self, engine: Any, context: Any, depsgraph: Any) -> None:
         """Follows the view, then draws the newest picture there is."""
-        if self.session is None or self.sync is None:
-            if self.failure:
-                engine.update_stats("Talbot", f"Error: {self.failure}")
-                return
+        width, height = context.region.width, context.region.height
+        if self.failure:  # until the scene is edited
+            self._draw_texture(width, height)
+            engine.update_stats("Talbot", f"Error: {self.failure}")
+            return
+        if self.session is None:
             self._start(engine, context, depsgraph)
-        region = context.region
-        width, height = region.width, region.height
-        if self.sync.set_viewport_camera(context, region, context.region_data, width, height):
-            self.size = (width, height)
-            self._restart(engine, depsgraph.scene)
+        if self.sync.set_viewport_camera(context, context.region, context.region_data, width, height):
+            self._restart(engine)
         progress = self.session.progress()
         final.check_failed(self.session, progress)
         self._refresh_texture(depsgraph.scene, progress)
-        if self._texture is not None:
-            gpu.state.blend_set("ALPHA_PREMULT")
-            # The texture may be of the size before a resize: stretched until the first new samples are there.
-            draw_texture_2d(self._texture, (0, 0), width, height)
-            gpu.state.blend_set("NONE")
+        self._draw_texture(width, height)
         self._show_status(engine, progress)
         if progress["state"] in WORKING:
             self._keep_ticking(engine)
+
+    def _draw_texture(self, width: int, height: int) -> None:
+        """Linear and premultiplied: Blender applies the view transform. Stretched until a resize has its picture."""
+        if self._texture is not None:
+            gpu.state.blend_set("ALPHA_PREMULT")
+            draw_texture_2d(self._texture, (0, 0), width, height)
+            gpu.state.blend_set("NONE")
 
     def _refresh_texture(self, scene: Any, progress: dict[str, Any]) -> None:
         version = progress["image_version"]
@@ -131,9 +146,9 @@ class Viewport:
 
     def _keep_ticking(self, engine: Any) -> None:
         """Asks Blender for redraws while the picture changes. The timer ends with the work or the viewport."""
-        if self._ticking:
+        if self.ticking:
             return
-        self._ticking = True
+        self.ticking = True
         bpy.app.timers.register(_ticker(weakref.ref(self), weakref.ref(engine)), first_interval=TICK_SECONDS)
 
 
@@ -142,7 +157,7 @@ def _ticker(view_ref: Any, engine_ref: Any) -> Any:
 
     def tick() -> float | None:
         view, engine = view_ref(), engine_ref()
-        if view is None or engine is None or view._closed or view.session is None:
+        if view is None or engine is None or view.closed or view.session is None:
             return None
         progress = view.session.progress()
         try:
@@ -150,10 +165,10 @@ def _ticker(view_ref: Any, engine_ref: Any) -> Any:
                 last[0] = progress["image_version"]
                 engine.tag_redraw()
         except ReferenceError:  # Blender freed the engine between two ticks
-            view._ticking = False
+            view.ticking = False
             return None
         if progress["state"] not in WORKING:
-            view._ticking = False
+            view.ticking = False
             return None
         return TICK_SECONDS
 
