@@ -1,4 +1,4 @@
-"""Runs inside Blender for run.py: renders the open scene with one engine and several seeds, and writes times and pixels."""
+"""Runs inside Blender for run.py: renders the open scene with one engine and several seeds; writes times and pixels."""
 
 import json
 import os

@@ -3,10 +3,10 @@
     ./talbot bench [SCENE ...] [--blender WHICH] [--seeds N] [--seconds S] [--size W] [--json FILE] [--against FILE]
 
 SCENE is a .blend file, a script that builds a scene (script.py:argument), or a folder of .blend files; without one, the
-scenes of this project. Each engine renders for about `--seconds` a picture, once for each seed, without clamping,
-adaptive sampling, denoising and light threshold, with a box filter and the file's own bounces. Printed for each engine:
+scenes of this project. Each engine renders about `--seconds` a picture, once for each seed, without clamping,
+adaptive sampling, denoising and light threshold, with a box filter and the file's own bounces. Columns:
 
-    load     everything that is not sampling: synchronisation, compiling, BVH (a picture of one sample, less its sampling)
+    load     all that is not sampling: synchronisation, compiling, BVH (a picture of one sample, less its sampling)
     rend     seconds of sampling for the samples in the next column (slope between one sample and that many)
     var      relative variance of one sample: mean over pixels of the variance over seeds, over the squared mean; the
              worst 0.1 % of pixels are left out (fireflies; the untrimmed figure is in the JSON)

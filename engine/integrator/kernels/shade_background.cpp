@@ -111,7 +111,9 @@ void world_radiance(const RenderContext& context, Worker& worker, const int32_t*
         }
     }
     for (int i = 0; i < n; ++i) {
-        if (!(summary.world_visibility & uint32_t(ray_visibility(paths.flags[lanes[i]])))) store(rgb, i, Rgb{});
+        const int32_t lane = lanes[i];
+        const bool seen = summary.world_visibility & uint32_t(ray_visibility(paths.flags[lane]));
+        if (!seen || total_bounces(paths.bounces[lane]) > summary.world_max_bounces + 1) store(rgb, i, Rgb{});
     }
 }
 
@@ -138,14 +140,16 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
             }
             film::add_alpha(tile, s.itmp, s.tmp, count);
         }
-        if (context.emitter_summary.has_distant) {
+        if (context.emitter_summary.has_visible_suns) {
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = span_lanes[i];
+                const int bounces = total_bounces(paths.bounces[lane]);
+                s.list2[i] = bounces > 0 ? bounces - 1 : 0;
                 store(s.wi, i, load(paths.direction, lane));
                 s.itmp[i] = ray_visibility(paths.flags[lane]);
                 s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
             }
-            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3);
+            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3, s.list2);
             for (int i = 0; i < m; ++i) store(s.rgb, i, load(s.rgb, i) + load(s.tmp3, i));
         }
         add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
@@ -155,58 +159,50 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
 void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
     PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
-    constexpr int kMaxLampsOnRay = 16;
+    constexpr int kMaxLampsOnRay = 64;
+    const Columns3 origin = s.f, direction = s.wi, vertex = s.slot_f;
+    float *t_max = s.tmp, *t_min = s.weight_sum, *t = s.tmp2;
     for (int begin = 0; begin < n; begin += kSpan) {
         int m = n - begin < kSpan ? n - begin : kSpan;
         std::memcpy(s.list, lanes + begin, size_t(m) * 4);
-        for (int i = 0; i < m; ++i) {
-            const int32_t lane = s.list[i];
-            store(s.f, i, load(paths.origin, lane));
-            s.tmp[i] = paths.hit.object[lane] >= 0 ? paths.hit.t[lane] : paths.t_max[lane];
-        }
+        fill(t_min, m, 0.0f);
         // A lamp lets the ray pass: walk from lamp to lamp.
         for (int turn = 0; turn < kMaxLampsOnRay && m > 0; ++turn) {
+            gather3(paths.origin, s.list, m, origin);
+            gather3(paths.direction, s.list, m, direction);
             for (int i = 0; i < m; ++i) {
-                store(s.wi, i, load(paths.direction, s.list[i]));
-                s.itmp[i] = ray_visibility(paths.flags[s.list[i]]);
+                const int32_t lane = s.list[i];
+                t_max[i] = paths.hit.object[lane] >= 0 ? paths.hit.t[lane] : paths.t_max[lane];
+                s.list2[i] = ray_visibility(paths.flags[lane]);
             }
-            light::intersect_lamps(*context.emitters, s.f, s.wi, s.tmp, s.itmp, m, s.chosen, s.tmp2);
+            light::intersect_lamps(*context.emitters, origin, direction, t_max, s.list2, m, s.chosen, t, t_min);
             int count = 0;
             for (int i = 0; i < m; ++i) {
                 if (s.chosen[i] < 0) continue;
-                s.list[count] = s.list[i];
+                const int32_t lane = s.list[i];
+                const Vec3 d = load(paths.direction, lane);
+                s.list[count] = lane;
                 s.chosen[count] = s.chosen[i];
-                store(s.f, count, load(s.f, i));
-                s.tmp[count] = s.tmp[i];
-                s.tmp2[count] = s.tmp2[i];
+                store(direction, count, d);
+                t_min[count] = t[i];
+                // Densities are those of the last scattering point, which may lie behind transparent surfaces.
+                store(vertex, count, load(paths.origin, lane) - d * paths.mis_t[lane]);
+                s.pdf[count] = t[i] + paths.mis_t[lane];
+                s.list2[count] = paths.flags[lane] & shader::kRayAny;
+                const int bounces = total_bounces(paths.bounces[lane]);
+                s.sampled_flags[count] = bounces > 0 ? bounces - 1 : 0;
                 ++count;
             }
             m = count;
             if (m == 0) break;
-            // Densities are those of the last scattering point, which may lie behind transparent surfaces.
-            for (int i = 0; i < m; ++i) {
-                const int32_t lane = s.list[i];
-                const Vec3 d = load(paths.direction, lane);
-                const Vec3 at = load(s.f, i) + d * s.tmp2[i];
-                const float distance = length(at - load(paths.origin, lane)) + paths.mis_t[lane];
-                store(s.wi, i, d);
-                store(s.slot_f, i, at - d * distance);
-                s.pdf[i] = distance;
-                s.itmp[i] = paths.flags[lane] & shader::kRayAny;
-            }
-            light::shade_lamps(*context.emitters, s.slot_f, s.wi, s.chosen, s.pdf, s.itmp, m, *context.programs, *context.shading, s.emitter, s.rgb,
-                               s.slot_pdf);
+            light::shade_lamps(*context.emitters, vertex, direction, s.chosen, s.pdf, s.list2, m, *context.programs, *context.shading, s.emitter, s.rgb,
+                               s.slot_pdf, s.sampled_flags);
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = s.list[i];
                 const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);
                 store(s.rgb, i, load(s.rgb, i) * w);
             }
             add_found_light(context, worker, s.list, m, s.rgb, film::Category::Emission, tile);
-            for (int i = 0; i < m; ++i) {
-                const float step = s.tmp2[i] * (1.0f + 1e-4f) + 1e-6f;
-                store(s.f, i, load(s.f, i) + load(paths.direction, s.list[i]) * step);
-                s.tmp[i] -= step;
-            }
         }
     }
 }
