@@ -1,7 +1,7 @@
 /// Node programs: a shader graph compiled to a list of operations over columns.
 ///
 /// A register is a column of kSpan floats in the worker's scratch; a vector is three registers in a row. Registers hold raw 32-bit values: handles
-/// and enums travel as integers in float columns. Materials that differ in constants only share a program: constants sit in one table and
+/// travel as integers in float columns. Materials that differ in constants only share a program: constants sit in one table and
 /// an operation fetches lane i's value at constants[span.constants[i] + k].
 #pragma once
 
@@ -16,25 +16,25 @@
 
 namespace talbot::shader {
 
-inline constexpr int kMaxOperands = 40;
+inline constexpr int kMaxOperands = 64;
 
-/// One operation over a span. `in` and `out` are register numbers (first of three for vectors); meaning by op, see the
-/// op's line in op.h. `data` indexes Program::immediates (enums, table offsets), op by op.
+/// One operation over a span. Its operands are register numbers in Program::operands: `outs` results first, then `ins`
+/// inputs; meaning by op, see the op's line in op.h. No result is also an input.
 struct Instruction {
-    Op op = Op::Constant;
-    uint8_t variant = 0;  ///< enum of the node where it has one (math operation, blend mode ...), compiled into the choice of loop
-    uint16_t out = 0;
-    uint32_t operands = 0;  ///< offset into Program::operands; how many is the op's
-    uint32_t data = 0;      ///< offset into Program::immediates
+    Op op = Op::Literal;
+    uint8_t variant = 0;  ///< enum of the op where it has one (math operation, blend mode ...): picks the loop
+    uint8_t outs = 0, ins = 0;
+    uint32_t operands = 0;  ///< offset into Program::operands
+    uint32_t data = 0;      ///< immediate of the op
 };
 
 struct Program {
     std::vector<Instruction> code;
     std::vector<uint16_t> operands;
-    std::vector<uint32_t> immediates;  ///< uniform over the program: enums, attribute ids, offsets into Programs::tables
-    std::vector<ClosureSlot> slots;    ///< surface programs
-    uint16_t emission = 0;             ///< first of 3 registers: radiance towards the viewer; kNoRegister when there is none
-    uint16_t transparency = 0;         ///< first of 3 registers: transparent closure's weight, for shadow rays; kNoRegister: opaque
+    std::vector<ClosureSlot> slots;  ///< surface programs
+    uint16_t emission = 0xffff;      ///< first of 3 registers: radiance towards the viewer; kNoRegister when there is none
+    uint16_t transparency = 0xffff;  ///< first of 3 registers: sum of the transparent closures' weights, in transparency programs (shadow rays); kNoRegister:
+                                     ///< opaque, or another kind of program
     int register_count = 0;
     std::string name;  ///< of the first material that uses it, for reports
 };

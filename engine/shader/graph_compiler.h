@@ -1,0 +1,81 @@
+/// One shader's node graph -> expressions: follows links, converts sockets, mixes shader nodes, and keeps what comes out.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "base/error.h"
+#include "scene/scene.h"
+#include "scene/view.h"
+#include "shader/node_context.h"
+
+namespace talbot::shader {
+
+/// A closure before registers are known.
+struct SlotValues {
+    ClosureType type = ClosureType::Diffuse;
+    LobeKind lobe = LobeKind::Diffuse;
+    uint8_t variant = 0;
+    Value3 weight, normal;
+    std::vector<Value> params;
+};
+
+/// Everything the graph's output asks for.
+struct ShaderValues {
+    std::vector<SlotValues> slots;
+    Value3 emission;      ///< not valid: none
+    Value3 transparency;  ///< not valid: opaque
+    bool has_bump = false;
+};
+
+/// Coordinates of one shifted evaluation (Bump): world offset and the barycentrics there.
+struct Shift {
+    Value3 offset;
+    Value u, v;
+};
+
+class GraphCompiler {
+public:
+    GraphCompiler(const scene::Shader& shader, const scene::Scene& scene, scene::SceneTables& tables, Expressions& expressions, Report& report);
+    /// Compiles from the output node. Never throws for a bad graph.
+    ShaderValues compile();
+
+    // For NodeContext.
+    SocketValue output(int node, const std::string& identifier, int shift);
+    void set(int node, int shift, const char* identifier, SocketValue v) { results_[{node, shift}][identifier] = v; }
+    bool is_linked_output(int node, const std::string& identifier) const { return linked_outputs_.contains({node, identifier}); }
+    /// A link that counts: its source exists and is no shader.
+    bool is_value_link(const scene::NodeInput& input) const;
+    int add_shift(const Shift& shift);
+    const Shift& shift(int index) const { return shifts_[size_t(index)]; }
+    void warn(const scene::Node& node, const std::string& what);
+
+    const scene::Shader& shader;
+    const scene::Scene& scene;
+    scene::SceneTables& tables;
+    Expressions& e;
+    Semantics semantics;
+    ShaderValues values;
+
+private:
+    bool run_node(int node, int shift);
+    void mix_shaders(int root);
+    void visit_shader(int node, std::set<int>& done, std::set<int>& active, std::vector<int>& order, int depth);
+    void add_weight(int node, Value3 weight);
+    /// The input's shader node, -1 for none; a link to a value socket is compiled as emission of `weight`.
+    int shader_source(const scene::NodeInput* input) const;
+    void emit_value_link(const scene::Node& node, const scene::NodeInput& input, Value3 weight);
+
+    Report& report_;
+    std::map<std::pair<int, int>, std::map<std::string, SocketValue>> results_;  ///< by (node, shift)
+    std::set<std::pair<int, int>> active_;                                       ///< being compiled, for cycles
+    std::set<std::pair<int, std::string>> linked_outputs_;
+    std::unordered_map<int, Value3> weights_;
+    std::vector<Shift> shifts_;
+    int depth_ = 0;
+};
+
+}  // namespace talbot::shader
