@@ -33,6 +33,7 @@ class FinalState:
     kept: dict[str, Synced] = field(default_factory=dict)
     running: Any = None
     frame: tuple[str, int, float] | None = None
+    layers: set[str] = field(default_factory=set)
 
     def close(self) -> None:
         """Stops and frees the sessions."""
@@ -96,12 +97,14 @@ class LayerRender:
         self.reports = self._reports_of_frame()
 
     def _reports_of_frame(self) -> reports.Reports:
-        """The view layers of a frame share one list."""
+        """The view layers of a frame share one list; a layer that comes again begins the next."""
         frame = (self.scene.name, self.scene.frame_current, self.scene.frame_subframe)
-        if frame == self.state.frame:
-            return reports.of_scene(self.scene.name)
-        self.state.frame = frame
-        return reports.begin(self.scene.name)
+        if frame != self.state.frame or self.layer.name in self.state.layers:
+            self.state.frame = frame
+            self.state.layers = set()
+            reports.begin(self.scene.name)
+        self.state.layers.add(self.layer.name)
+        return reports.of_scene(self.scene.name)
 
     def run(self) -> None:
         """Reads the scene once, renders every view."""
@@ -112,7 +115,7 @@ class LayerRender:
         self.state.running = session
         session.set_passes(passes.native_names(self.passes, denoise=self.denoise))
         for number, view in enumerate(self.views):
-            if view:
+            if view or self.engine.camera_override:
                 self.engine.active_view_set(view)
                 synced.sync.set_render_camera(self.engine, self.depsgraph)
             if not self._render_view(session, view, number):

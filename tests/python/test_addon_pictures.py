@@ -1,0 +1,241 @@
+"""Whole renders through Blender with the real engine: what arrives in the file, not what it looks like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from talbot import native, reports
+
+WIDTH, HEIGHT = 32, 20
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> bpy.types.Scene:
+    """Blender's default file: a cube, a point light, a camera."""
+    if native.problem():
+        pytest.fail(native.problem())
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
+    scene = bpy.context.scene
+    render = scene.render
+    render.engine = "TALBOT"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
+    render.filepath = str(tmp_path / "out.exr")
+    render.use_file_extension = False
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_depth = "32"
+    render.image_settings.color_mode = "RGBA"
+    scene.talbot.samples = 4
+    scene.talbot.use_adaptive_sampling = False
+    scene.talbot.use_denoising = False
+    return scene
+
+
+def picture(scene: bpy.types.Scene, path: str = "") -> np.ndarray:
+    """Renders, and gives the pixels of the file (height, width, 4), bottom row first."""
+    path = path or scene.render.filepath
+    Path(path).unlink(missing_ok=True)
+    bpy.ops.render.render(write_still=True)
+    return load(path)
+
+
+def load(path: str) -> np.ndarray:
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def lines(scene: bpy.types.Scene) -> list[str]:
+    return [str(line) for line in reports.of_scene(scene.name).lines if line.level != "info"]
+
+
+def test_default_scene(scene: bpy.types.Scene) -> None:
+    pixels = picture(scene)
+    assert pixels.shape == (HEIGHT, WIDTH, 4)
+    assert np.isfinite(pixels).all()
+    assert (pixels[..., 3] == 1).all()
+    middle, corner = pixels[HEIGHT // 2, WIDTH // 2, :3], pixels[0, 0, :3]
+    assert middle.mean() > 2 * corner.mean() > 0
+    assert corner == pytest.approx([0.051] * 3, abs=0.01)
+    assert lines(scene) == []
+
+
+def test_same_pixels_again_and_with_one_thread(scene: bpy.types.Scene) -> None:
+    first = picture(scene)
+    assert np.array_equal(first, picture(scene))
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
+    assert np.array_equal(first, picture(scene))
+
+
+def test_seed_changes_the_noise(scene: bpy.types.Scene) -> None:
+    first = picture(scene)
+    scene.talbot.seed = 1
+    assert not np.array_equal(first, picture(scene))
+
+
+def test_border_is_a_part_of_the_whole(scene: bpy.types.Scene) -> None:
+    whole = picture(scene)
+    render = scene.render
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x = 0.25, 0.75
+    render.border_min_y, render.border_max_y = 0.3, 0.9
+    assert np.array_equal(picture(scene), whole[6:18, 8:24])
+    render.use_crop_to_border = False
+    pasted = picture(scene)
+    assert np.array_equal(pasted[6:18, 8:24], whole[6:18, 8:24])
+    assert pasted[:6].max() == 0
+
+
+def test_transparent_film(scene: bpy.types.Scene) -> None:
+    scene.render.film_transparent = True
+    pixels = picture(scene)
+    assert pixels[0, 0].tolist() == [0, 0, 0, 0]
+    assert pixels[HEIGHT // 2, WIDTH // 2, 3] == 1
+
+
+def test_exposure(scene: bpy.types.Scene) -> None:
+    first = picture(scene)
+    scene.talbot.film_exposure = 2.0
+    assert picture(scene)[..., :3] == pytest.approx(first[..., :3] * 2, rel=1e-5)
+
+
+def test_animation_with_persistent_data_is_the_same(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    cube = bpy.data.objects["Cube"]
+    cube.keyframe_insert("location", frame=1)
+    cube.location.x = 1.0
+    cube.keyframe_insert("location", frame=3)
+    light = bpy.data.lights["Light"]
+    light.keyframe_insert("energy", frame=1)
+    light.energy = 100.0
+    light.keyframe_insert("energy", frame=3)
+    scene.talbot.use_animated_seed = True
+    scene.frame_start, scene.frame_end = 1, 3
+    frames = []
+    for persistent in (False, True):
+        scene.render.use_persistent_data = persistent
+        scene.render.filepath = str(tmp_path / f"{persistent}_##.exr")
+        bpy.ops.render.render(animation=True)
+        frames.append([load(str(tmp_path / f"{persistent}_{frame:02d}.exr")) for frame in (1, 2, 3)])
+    scene.render.use_persistent_data = False
+    plain, kept = frames
+    assert not np.array_equal(plain[0], plain[1])
+    for one, other in zip(plain, kept, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_stereo_eyes_differ(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    scene.render.use_multiview = True
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.render.filepath = str(tmp_path / "eye")
+    scene.render.use_file_extension = True
+    bpy.ops.render.render(write_still=True)
+    left, right = load(str(tmp_path / "eye_L.exr")), load(str(tmp_path / "eye_R.exr"))
+    assert left.shape == right.shape == (HEIGHT, WIDTH, 4)
+    assert not np.array_equal(left, right)
+    assert abs(left.mean() / right.mean() - 1) < 0.1
+
+
+def test_all_passes(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Through the compositor: each pass into a file of its own."""
+    from talbot import passes
+
+    layer = scene.view_layers[0]
+    for name in ("z", "mist", "position", "normal", "uv", "object_index", "material_index", "emit", "environment"):
+        setattr(layer, f"use_pass_{name}", True)
+    for lobe in ("diffuse", "glossy", "transmission"):
+        for part in ("direct", "indirect", "color"):
+            setattr(layer, f"use_pass_{lobe}_{part}", True)
+    bpy.data.objects["Cube"].pass_index = 7
+    if hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    seen: dict[str, np.ndarray] = {}
+    set_rect = passes.set_rect
+
+    def spy(render_pass: bpy.types.RenderPass, values: np.ndarray) -> None:
+        seen[render_pass.name] = values.reshape(HEIGHT, WIDTH, -1).copy()
+        set_rect(render_pass, values)
+
+    passes.set_rect = spy
+    try:
+        bpy.ops.render.render(write_still=True)
+    finally:
+        passes.set_rect = set_rect
+    assert Path(scene.render.filepath).is_file()
+    assert set(seen) == {p.name for p in passes.wanted(scene, layer)}
+    assert all(np.isfinite(values).all() for values in seen.values())
+    at = (HEIGHT // 2, WIDTH // 2)
+    distance = (bpy.data.objects["Camera"].matrix_world.inverted() @ bpy.data.objects["Cube"].location).length
+    assert seen["Depth"][at][0] == pytest.approx(distance, abs=1.8)
+    assert seen["Depth"][0, 0][0] == np.float32(1e10)
+    assert np.linalg.norm(seen["Normal"][at]) == pytest.approx(1, abs=0.01)
+    long_names = "Diffuse Direct" in seen
+    direct, indirect, color = (
+        ("Diffuse Direct", "Diffuse Indirect", "Diffuse Color") if long_names else ("DiffDir", "DiffInd", "DiffCol")
+    )
+    assert seen["Object Index" if long_names else "IndexOB"][at][0] == 7
+    gloss = ("Glossy Direct", "Glossy Indirect", "Glossy Color") if long_names else ("GlossDir", "GlossInd", "GlossCol")
+    total = (seen[direct] + seen[indirect]) * seen[color] + (seen[gloss[0]] + seen[gloss[1]]) * seen[gloss[2]]
+    assert total[at] == pytest.approx(seen["Combined"][at][:3], rel=1e-3)
+    environment = seen["Environment" if long_names else "Env"]
+    assert environment[0, 0] == pytest.approx(seen["Combined"][0, 0, :3], rel=1e-5)
+
+
+def test_denoising_without_the_library_keeps_the_picture(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if native.denoiser_version():
+        pytest.skip("Open Image Denoise is here")
+    noisy = picture(scene)
+    scene.talbot.use_denoising = True
+    assert np.array_equal(picture(scene), noisy)
+    assert any("Open Image Denoise" in line for line in lines(scene))
+
+
+def test_denoising(scene: bpy.types.Scene) -> None:
+    if not native.denoiser_version():
+        pytest.skip("Open Image Denoise was not found")
+    noisy = picture(scene)
+    scene.talbot.use_denoising = True
+    clean = picture(scene)
+    assert not np.array_equal(clean, noisy)
+    assert clean.mean() == pytest.approx(noisy.mean(), rel=0.1)
+
+
+def test_empty_scene_is_a_picture(scene: bpy.types.Scene) -> None:
+    for name in ("Cube", "Light"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    pixels = picture(scene)
+    assert pixels[..., 0] == pytest.approx(0.0509, abs=0.001)
+
+
+def test_no_camera_is_a_message(scene: bpy.types.Scene) -> None:
+    bpy.data.objects.remove(bpy.data.objects["Camera"])
+    with pytest.raises(RuntimeError, match="camera"):
+        bpy.ops.render.render()
+
+
+def test_time_limit(scene: bpy.types.Scene) -> None:
+    scene.talbot.samples = 1 << 20
+    scene.talbot.time_limit = 0.5
+    assert np.isfinite(picture(scene)).all()
+
+
+def test_preview(scene: bpy.types.Scene) -> None:
+    """The icon of a material is rendered by this engine, in Blender's own preview scene."""
+    material = bpy.data.materials["Material"]
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.02, 0.02, 1)
+    material.asset_generate_preview()
+    preview = material.preview_ensure()
+    size = preview.image_size
+    if not size[0]:
+        pytest.skip("this Blender makes no previews in the background")
+    pixels = np.array(preview.image_pixels_float[:], np.float32).reshape(size[1], size[0], 4)
+    shown = pixels[pixels[..., 3] > 0.5]
+    assert len(shown) and shown[:, 0].mean() > shown[:, 1].mean()
