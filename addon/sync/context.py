@@ -1,0 +1,55 @@
+"""What the modules of one synchronisation share: the session, the version, what shaders ask of meshes, warnings."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+ACTIVE_UV = "@uv"
+ACTIVE_COLOR = "@color"
+ACTIVE_TANGENT = "@tangent"
+GENERATED = "@generated"
+INSTANCER = "@instancer"
+"""Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, and the instancer's coordinates."""
+
+
+@dataclass
+class SyncContext:
+    """Lives as long as its session; holds names and handles, never Blender's data."""
+
+    session: Any
+    version: int = 502
+    viewport: bool = False
+    warnings: list[str] = field(default_factory=list)
+    timings: dict[str, float] = field(default_factory=dict)
+    wanted: set[str] = field(default_factory=set)
+    """Attributes some shader reads; "@tangent:NAME" for tangents, "object:NAME" for object properties."""
+
+    def warn(self, text: str) -> None:
+        """Adds a warning once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Adds the time of the block to a stage."""
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.timings[stage] = self.timings.get(stage, 0.0) + time.perf_counter() - started
+
+
+def id_key(datablock: Any) -> tuple[str, str]:
+    """Identity of a datablock across evaluations and undo: kind and full name (the library's is in it)."""
+    original = getattr(datablock, "original", None) or datablock
+    kind = "Light" if isinstance(original, bpy.types.Light) else original.bl_rna.identifier
+    return kind, original.name_full
+
+
+def column_major(matrix: Any) -> list[float]:
+    """16 floats of a 4x4 matrix, column by column."""
+    return [value for column in matrix.col for value in column]

@@ -1,0 +1,274 @@
+"""The order of a synchronisation, and what an edit in the viewport makes necessary.
+
+Shaders come first: they decide which attributes of meshes are worth reading. Then meshes, then objects and lamps, which
+name both by handle.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .. import settings as talbot_settings
+from .camera import camera_values, viewport_values
+from .context import ACTIVE_UV, SyncContext, id_key
+from .images import ImageSync
+from .materials import ShaderSync
+from .mesh import read_mesh
+from .objects import Gathered, ObjectPass, Record, object_arrays
+from .world import world_values
+
+Key = tuple[str, str]
+
+
+@dataclass
+class SyncResult:
+    """What a synchronisation could not do, and seconds per stage."""
+
+    warnings: list[str] = field(default_factory=list)
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class MeshEntry:
+    """A mesh the session has: its handle, whose change makes it stale."""
+
+    handle: int
+    owners: set[Key]
+
+
+@dataclass
+class Changes:
+    """What a depsgraph's updates say."""
+
+    geometry: set[Key] = field(default_factory=set)
+    shading: set[Key] = field(default_factory=set)
+    images: set[Key] = field(default_factory=set)
+    all_shaders: bool = False
+    objects: bool = False
+    world: bool = False
+    scene: bool = False
+
+
+class SceneSync:
+    """Keeps one native session equal to a depsgraph."""
+
+    def __init__(self, session: Any) -> None:
+        self.session = session
+        self.context = SyncContext(session)
+        self.images = ImageSync(self.context)
+        self.shaders = ShaderSync(self.context, self.images)
+        self._meshes: dict[int, MeshEntry] = {}
+        self._settings: dict[str, Any] = {}
+        self._camera: dict[str, Any] = {}
+        self._world: dict[str, Any] = {}
+        self._lights: list[dict[str, Any]] = []
+        self._objects: dict[str, Any] = {}
+        self._viewport_warnings = 0
+
+    # -- whole scenes
+
+    def full(
+        self,
+        depsgraph: Any,
+        scene: Any,
+        view_layer: Any,
+        *,
+        width: int,
+        height: int,
+        viewport: bool,
+        preview: bool = False,
+    ) -> SyncResult:
+        """Sends everything; what the session held before is removed."""
+        context = self.context
+        context.viewport = viewport
+        context.warnings.clear()
+        context.timings.clear()
+        self._forget()
+        with context.timed("settings"):
+            self._send_settings(scene, view_layer, width, height, preview)
+        self.shaders.begin(None)
+        self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, world=True, scene=True))
+        if not viewport and scene.camera is not None:
+            camera = scene.camera.evaluated_get(depsgraph)
+            self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
+        return SyncResult(list(context.warnings), dict(context.timings))
+
+    def _forget(self) -> None:
+        if self._objects:
+            self.session.set_objects({"mesh": np.zeros(0, np.int32), "matrix": np.zeros((0, 16), np.float32)})
+        self.session.set_lights([])
+        self.session.set_world({})
+        for entry in self._meshes.values():
+            self.session.remove_mesh(entry.handle)
+        self._meshes.clear()
+        self.shaders.clear()
+        self.images.clear()
+        self.context.wanted = set()
+        self._settings, self._camera, self._world, self._objects, self._lights = {}, {}, {}, {}, []
+
+    def _send_settings(self, scene: Any, view_layer: Any, width: int, height: int, preview: bool = False) -> bool:
+        values = talbot_settings.engine_settings(
+            scene, view_layer, scene.render, viewport=self.context.viewport, preview=preview
+        )
+        values["width"], values["height"] = max(width, 1), max(height, 1)
+        self.context.version = values["version"]
+        if values == self._settings:
+            return False
+        self.session.set_settings(values)
+        self._settings = values
+        return True
+
+    def _sync_scene(self, depsgraph: Any, scene: Any, view_layer: Any, changes: Changes) -> bool:
+        """Everything but settings and camera. True when something was sent."""
+        context = self.context
+        changed = False
+        with context.timed("objects"):
+            gathered = ObjectPass(context, self.shaders, depsgraph, view_layer).run()
+        with context.timed("world"):
+            changed |= self._send_world(world_values(context, self.shaders, scene, view_layer))
+        if gathered.lights != self._lights:
+            self.session.set_lights(gathered.lights)
+            self._lights = gathered.lights
+            changed = True
+        wanted = self.shaders.wanted()
+        if view_layer.use_pass_uv:
+            wanted.add(ACTIVE_UV)
+        with context.timed("meshes"):
+            stale_all = not wanted <= context.wanted
+            context.wanted |= wanted
+            handles, meshes_changed, removed = self._send_meshes(gathered.records, changes.geometry, stale_all)
+            changed |= meshes_changed
+        with context.timed("objects"):
+            changed |= self._send_objects(gathered, handles)
+            for handle in removed:
+                self.session.remove_mesh(handle)
+        return changed or self.shaders.sent
+
+    def _send_meshes(
+        self, records: list[Record], stale: set[Key], stale_all: bool
+    ) -> tuple[list[int], bool, list[int]]:
+        """Handles by record, whether a mesh was sent, handles nobody uses any more."""
+        handles: list[int] = []
+        seen: set[int] = set()
+        changed = False
+        for record in records:
+            pointer = record.mesh.as_pointer()
+            entry = self._meshes.get(pointer)
+            if pointer in seen and entry is not None:
+                entry.owners |= record.owners
+                handles.append(entry.handle)
+                continue
+            seen.add(pointer)
+            if entry is not None and not stale_all and not (entry.owners | record.owners) & stale:
+                entry.owners |= record.owners
+                handles.append(entry.handle)
+                continue
+            changed = True
+            arrays = read_mesh(self.context, record.mesh)
+            if arrays is None:
+                if entry is not None:
+                    seen.discard(pointer)
+                handles.append(-1)
+            elif entry is not None:
+                self.session.set_mesh(entry.handle, record.mesh.name, arrays)
+                entry.owners = set(record.owners)
+                handles.append(entry.handle)
+            else:
+                handle = self.session.add_mesh(record.mesh.name, arrays)
+                self._meshes[pointer] = MeshEntry(handle, set(record.owners))
+                handles.append(handle)
+        removed = [self._meshes.pop(pointer).handle for pointer in set(self._meshes) - seen]
+        return handles, changed or bool(removed), removed
+
+    def _send_objects(self, gathered: Gathered, handles: list[int]) -> bool:
+        arrays = object_arrays(gathered, handles)
+        before, self._objects = self._objects, arrays
+        if before and before.keys() == arrays.keys():
+            different = [name for name in arrays if not _equal(before[name], arrays[name])]
+            if not different:
+                return False
+            if different == ["matrix"] and before["matrix"].shape == arrays["matrix"].shape:
+                self.session.set_object_matrices(arrays["matrix"])
+                return True
+        self.session.set_objects(arrays)
+        return True
+
+    def _send_world(self, values: dict[str, Any]) -> bool:
+        if values == self._world:
+            return False
+        self.session.set_world(values)
+        self._world = values
+        return True
+
+    def _send_camera(self, values: dict[str, Any]) -> bool:
+        if values == self._camera:
+            return False
+        self.session.set_camera(values)
+        self._camera = values
+        return True
+
+    # -- edits in the viewport
+
+    def update(self, depsgraph: Any) -> bool:
+        """Sends what changed since the last call. True when the picture must be rendered again."""
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        changes = read_changes(depsgraph)
+        changed = False
+        if changes.scene and self._settings:
+            changed |= self._send_settings(scene, view_layer, self._settings["width"], self._settings["height"])
+        self.images.begin(changes.images)
+        changed |= self.images.refresh()
+        self.shaders.begin(None if changes.all_shaders else changes.shading)
+        changed |= self._sync_scene(depsgraph, scene, view_layer, changes)
+        return changed
+
+    # -- cameras
+
+    def set_render_camera(self, engine: Any, depsgraph: Any) -> bool:
+        """The camera of the view that is active (one eye of a stereo pair). True when it changed."""
+        scene = depsgraph.scene_eval
+        camera = engine.camera_override or scene.camera
+        if camera is None:
+            return False
+        camera = camera.evaluated_get(depsgraph)
+        matrix = engine.camera_model_matrix(camera)
+        shift_x = engine.camera_shift_x(camera) if camera.type == "CAMERA" else 0.0
+        width, height = self._settings["width"], self._settings["height"]
+        return self._send_camera(camera_values(self.context, camera, scene.render, width, height, matrix, shift_x))
+
+    def set_viewport_camera(self, context: Any, region: Any, region_data: Any, width: int, height: int) -> bool:
+        """Follows a 3D viewport's view and size. True when either changed."""
+        changed = False
+        if (width, height) != (self._settings.get("width"), self._settings.get("height")):
+            self._settings = self._settings | {"width": max(width, 1), "height": max(height, 1)}
+            self.session.set_settings(self._settings)
+            changed = True
+        return self._send_camera(viewport_values(self.context, context, region_data, width, height)) or changed
+
+
+def _equal(left: Any, right: Any) -> bool:
+    if isinstance(left, np.ndarray):
+        return left.shape == right.shape and bool(np.array_equal(left, right))
+    return left == right
+
+
+def read_changes(depsgraph: Any) -> Changes:
+    """What the depsgraph's updates ask to be read again."""
+    changes = Changes()
+    for update in depsgraph.updates:
+        kind, name = id_key(update.id)
+        if kind in ("Object", "Mesh", "Curve", "MetaBall", "TextCurve", "SurfaceCurve", "Collection"):
+            changes.objects = True
+            if update.is_updated_geometry:
+                changes.geometry.add((kind, name))
+        elif kind == "Image":
+            changes.images.add((kind, name))
+        elif kind == "ShaderNodeTree":
+            # The tree of a material comes with the material; a group may be anywhere.
+            changes.all_shaders |= not update.id.is_embedded_data
+        elif kind in ("Material", "World", "Light"):
+            changes.shading.add((kind, name))
+        elif kind == "Scene":
+            changes.scene = True
+    return changes

@@ -1,0 +1,160 @@
+"""A node tree without its furniture: groups, reroutes, muted nodes and dead links are followed through, so that
+every input is either unlinked, linked to an output of a node that computes something, or replaced by a constant found
+on the way.
+
+Works on any Blender: where `inline_shader_nodes()` exists the tree given is simpler already, and nothing is lost.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+MAX_DEPTH = 200
+"""Reroutes, muted nodes and groups one link may pass through; deeper is a circle that Blender did not notice."""
+
+GROUP_TYPES = {"GROUP"}
+
+
+@dataclass
+class Scope:
+    """One place where a tree is used: the top level, or inside one group node."""
+
+    tree: Any
+    path: tuple[str, ...] = ()
+    parent: "Scope | None" = None
+    group: Any = None
+    links: dict[tuple[str, str], Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for link in self.tree.links:
+            if link.is_muted or not link.is_valid or not link.to_socket.enabled or not link.from_socket.enabled:
+                continue
+            self.links[link.to_node.name, link.to_socket.identifier] = link
+
+    def uses(self, tree: Any) -> bool:
+        """Whether the scope lies inside this tree: a group in itself would never end."""
+        scope: Scope | None = self
+        while scope is not None:
+            if scope.tree == tree:
+                return True
+            scope = scope.parent
+        return False
+
+
+@dataclass
+class Source:
+    """Where an input's value comes from: output `identifier` of flat node `index`, or (index -1) the constant on
+    `socket`; with `socket` None the constant is zero."""
+
+    index: int = -1
+    identifier: str = ""
+    socket: Any = None
+
+
+@dataclass
+class FlatInput:
+    """A socket with what feeds it; `source` None: unlinked."""
+
+    socket: Any
+    source: Source | None
+
+
+@dataclass
+class FlatNode:
+    """A node that computes something. `name` includes the groups it lies in."""
+
+    node: Any
+    scope: Scope
+    name: str
+    inputs: list[FlatInput] = field(default_factory=list)
+
+
+class Flattener:
+    """Collects what feeds the output node, nearest first."""
+
+    def __init__(self) -> None:
+        self.nodes: list[FlatNode] = []
+        self.problems: list[str] = []
+        self._index: dict[tuple[tuple[str, ...], str], int] = {}
+        self._pending: deque[int] = deque()
+        self._scopes: dict[tuple[str, ...], Scope] = {}
+
+    def run(self, tree: Any, output: Any) -> list[FlatNode]:
+        """The flat nodes; the first one is `output`."""
+        self._visit(Scope(tree), output)
+        while self._pending:
+            flat = self.nodes[self._pending.popleft()]
+            for socket in flat.node.inputs:
+                if not socket.enabled:
+                    continue
+                flat.inputs.append(FlatInput(socket, self._input(flat.scope, flat.node, socket, 0)))
+        return self.nodes
+
+    def _visit(self, scope: Scope, node: Any) -> int:
+        key = (scope.path, node.name)
+        index = self._index.get(key)
+        if index is None:
+            index = self._index[key] = len(self.nodes)
+            self.nodes.append(FlatNode(node, scope, " > ".join((*scope.path, node.name))))
+            self._pending.append(index)
+        return index
+
+    def _input(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+        """What feeds an input; None when it is unlinked."""
+        link = scope.links.get((node.name, socket.identifier))
+        if link is None:
+            return None
+        return self._output(scope, link.from_node, link.from_socket, depth + 1)
+
+    def _input_or_value(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+        """The same, with the socket's own value for an unlinked one; None where that means "the default of the
+        situation"."""
+        if scope.links.get((node.name, socket.identifier)) is not None:
+            return self._input(scope, node, socket, depth)
+        return None if socket.hide_value else Source(socket=socket)
+
+    def _output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+        if depth > MAX_DEPTH:
+            self.problems.append(f"Node '{node.name}' is part of a circle of links")
+            return Source()
+        if node.type == "REROUTE":
+            return self._input(scope, node, node.inputs[0], depth)
+        if node.mute:
+            for link in node.internal_links:
+                if link.to_socket == socket:
+                    return self._input_or_value(scope, node, link.from_socket, depth)
+            return Source()
+        if node.type in GROUP_TYPES:
+            return self._group_output(scope, node, socket, depth)
+        if node.type == "GROUP_INPUT":
+            return self._group_input(scope, socket, depth)
+        return Source(self._visit(scope, node), socket.identifier)
+
+    def _group_output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+        tree = node.node_tree
+        if tree is None:
+            self.problems.append(f"Node '{node.name}' has lost its group")
+            return Source()
+        path = (*scope.path, node.name)
+        inner = self._scopes.get(path)
+        if inner is None:
+            if scope.uses(tree):
+                self.problems.append(f"Group '{tree.name}' contains itself")
+                return Source()
+            inner = self._scopes[path] = Scope(tree, path, scope, node)
+        outputs = [n for n in tree.nodes if n.type == "GROUP_OUTPUT"]
+        active = next((n for n in outputs if n.is_active_output), outputs[0] if outputs else None)
+        if active is None:
+            return Source()
+        for candidate in active.inputs:
+            if candidate.identifier == socket.identifier:
+                return self._input_or_value(inner, active, candidate, depth + 1)
+        return Source()
+
+    def _group_input(self, scope: Scope, socket: Any, depth: int) -> Source | None:
+        if scope.parent is None:
+            return Source()
+        for candidate in scope.group.inputs:
+            if candidate.identifier == socket.identifier:
+                return self._input_or_value(scope.parent, scope.group, candidate, depth + 1)
+        return Source()

@@ -1,0 +1,334 @@
+"""Objects and instances: one pass over the depsgraph's instances, everything else in bulk.
+
+An instance costs one lookup by (object, data, parent); what those three decide is read once for all their instances.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import versions
+from .context import INSTANCER, SyncContext
+from .lights import light_values
+from .materials import ShaderSync
+
+VISIBILITY = (
+    ("visible_camera", 1),
+    ("visible_diffuse", 2),
+    ("visible_glossy", 4),
+    ("visible_transmission", 8),
+    ("visible_volume_scatter", 16),
+    ("visible_shadow", 32),
+)
+IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
+SKIP, LIGHT = -1, -2
+
+UNSUPPORTED = {
+    "CURVES": "hair curves",
+    "POINTCLOUD": "point clouds",
+    "VOLUME": "volumes",
+    "GPENCIL": "grease pencil",
+    "GREASEPENCIL": "grease pencil",
+}
+NAMED_SILENTLY = {"GPENCIL", "GREASEPENCIL"}
+"""Blender draws grease pencil itself, over the finished picture."""
+
+
+@dataclass
+class Record:
+    """What all instances of one (object, data, parent) share."""
+
+    mesh: Any
+    owners: set[tuple[str, str]]
+    name: int
+    material_set: int
+    visibility: int
+    pass_index: int
+    color: tuple[float, ...]
+    flags: int
+    shading_offset: float
+    geometry_offset: float
+    holders: tuple[Any, ...]
+    attribute_set: int = -1
+
+
+@dataclass
+class Gathered:
+    """The result of the pass. `mesh` and `holders` of the records are Blender's: for the same callback only."""
+
+    records: list[Record] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
+    which: list[int] = field(default_factory=list)
+    lights: list[dict[str, Any]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    material_sets: list[list[int]] = field(default_factory=list)
+    attribute_sets: list[list[tuple[str, tuple[float, ...]]]] = field(default_factory=list)
+    matrices: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 16), np.float32))
+    random: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    is_instance: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    dupli: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+
+
+class ObjectPass:
+    """One pass over the instances of a depsgraph."""
+
+    def __init__(self, context: SyncContext, shaders: ShaderSync, depsgraph: Any, view_layer: Any) -> None:
+        self.context = context
+        self.shaders = shaders
+        self.depsgraph = depsgraph
+        self.view_layer = view_layer
+        self.override = view_layer.material_override
+        self.out = Gathered()
+        self._names: dict[str, int] = {}
+        self._sets: dict[tuple[int, ...], int] = {}
+        self._attributes: dict[tuple[Any, ...], int] = {}
+
+    def run(self) -> Gathered:
+        """Gathers records, rows and lamps."""
+        out = self.out
+        instances = self.depsgraph.object_instances
+        count = len(instances)
+        matrices = np.empty(count * 16, dtype=np.float32)
+        out.random = np.empty(count, dtype=np.uint32)
+        out.is_instance = np.empty(count, dtype=np.bool_)
+        if count:
+            instances.foreach_get("matrix_world", matrices)
+            instances.foreach_get("random_id", out.random)
+            instances.foreach_get("is_instance", out.is_instance)
+        out.matrices = matrices.reshape(count, 16)
+        cache: dict[tuple[int, int, int], int] = {}
+        rows, which = out.rows, out.which
+        dupli = out.is_instance.tolist()
+        for row, instance in enumerate(instances):
+            if row >= count or not instance.show_self:
+                continue
+            obj = instance.object
+            data = obj.data
+            if data is None:
+                continue
+            parent = instance.parent if dupli[row] else None
+            key = (
+                obj.original.as_pointer(),
+                data.as_pointer(),
+                parent.original.as_pointer() if parent is not None else 0,
+            )
+            index = cache.get(key)
+            if index is None:
+                index = cache[key] = self._record(obj, data, parent)
+            if parent is None:
+                out.random[row] = name_key(obj.name)
+            if index >= 0:
+                rows.append(row)
+                which.append(index)
+            elif index == LIGHT:
+                self._light(obj, parent, row)
+        real = ~out.is_instance
+        out.random[real] = mixed_keys(out.random[real])
+        # Only now all shaders are known.
+        wanted = self.shaders.wanted()
+        if INSTANCER in wanted and any(dupli):
+            self._read_dupli(instances, count)
+        names = sorted(name.removeprefix("object:") for name in wanted if name.startswith("object:"))
+        for record in out.records if names else ():
+            record.attribute_set = self._attribute_set(record.holders, names)
+        return out
+
+    def _read_dupli(self, instances: Any, count: int) -> None:
+        orco, uv = np.empty(count * 3, dtype=np.float32), np.empty(count * 2, dtype=np.float32)
+        instances.foreach_get("orco", orco)
+        instances.foreach_get("uv", uv)
+        self.out.dupli = (orco.reshape(count, 3) * np.float32(0.5) - np.float32(0.5), uv.reshape(count, 2))
+
+    def _light(self, obj: Any, parent: Any, row: int) -> None:
+        matrix = self.out.matrices[row].tolist()
+        random = int(mixed_keys(self.out.random[row : row + 1])[0]) if parent is None else int(self.out.random[row])
+        values = light_values(self.context, self.shaders, obj, matrix, self._visibility(obj, parent), random)
+        if values is not None:
+            self.out.lights.append(values)
+
+    def _record(self, obj: Any, data: Any, parent: Any) -> int:
+        kind = obj.type
+        if parent is None:
+            self._warn_hair(obj)
+        if kind == "LIGHT":
+            return LIGHT
+        if kind != "MESH":
+            if kind in UNSUPPORTED and kind not in NAMED_SILENTLY:
+                self.context.warn(f"Object '{obj.name}': {UNSUPPORTED[kind]} are not supported yet and not rendered")
+            return SKIP
+        visibility = self._visibility(obj, parent)
+        if not self.view_layer.use_solid or visibility == 0 or not len(data.polygons):
+            return SKIP
+        cycles = versions.cycles_settings(obj)
+        holder = parent if parent is not None else obj
+        flags = 0
+        if obj.is_holdout or holder.holdout_get(view_layer=self.view_layer):
+            flags |= IS_HOLDOUT
+        if obj.is_shadow_catcher or (parent is not None and parent.is_shadow_catcher):
+            flags |= IS_SHADOW_CATCHER
+        owners = {("Object", obj.original.name_full), ("Mesh", data.name_full)}
+        if parent is not None:
+            owners.add(("Object", parent.original.name_full))
+        shading = getattr(obj, "shadow_terminator_shading_offset", None)
+        geometry = getattr(obj, "shadow_terminator_geometry_offset", None)
+        self.out.records.append(
+            Record(
+                mesh=data,
+                owners=owners,
+                name=self._name(obj.name),
+                material_set=self._material_set(obj, data),
+                visibility=visibility,
+                pass_index=obj.pass_index,
+                color=tuple(obj.color),
+                flags=flags,
+                shading_offset=float(cycles.get("shadow_terminator_offset", 0.0) if shading is None else shading),
+                geometry_offset=float(
+                    cycles.get("shadow_terminator_geometry_offset", 0.1) if geometry is None else geometry
+                ),
+                holders=tuple(
+                    holder.original.evaluated_get(self.depsgraph) for holder in (parent, obj) if holder is not None
+                ),
+            )
+        )
+        return len(self.out.records) - 1
+
+    def _visibility(self, obj: Any, parent: Any) -> int:
+        mask = 0
+        for name, bit in VISIBILITY:
+            if getattr(obj, name) and (parent is None or getattr(parent, name)):
+                mask |= bit
+        holder = parent if parent is not None else obj
+        if holder.indirect_only_get(view_layer=self.view_layer):
+            mask &= ~1
+        return mask
+
+    def _name(self, name: str) -> int:
+        index = self._names.get(name)
+        if index is None:
+            index = self._names[name] = len(self.out.names)
+            self.out.names.append(name)
+        return index
+
+    def _material_set(self, obj: Any, data: Any) -> int:
+        if self.override is not None:
+            handles: tuple[int, ...] = (self.shaders.material(self.override),)
+        else:
+            materials = [slot.material for slot in obj.material_slots] or list(data.materials)
+            handles = tuple(self.shaders.material(m) if m is not None else -1 for m in materials)
+        index = self._sets.get(handles)
+        if index is None:
+            index = self._sets[handles] = len(self.out.material_sets)
+            self.out.material_sets.append(list(handles))
+        return index
+
+    def _attribute_set(self, holders: tuple[Any, ...], names: list[str]) -> int:
+        """Custom properties that some shader asks for by name; the instancer's come first."""
+        values = []
+        for name in names:
+            found = next((v for v in (object_property(holder, name) for holder in holders) if v), None)
+            if found is not None:
+                values.append((name, found))
+        if not values:
+            return -1
+        key = tuple(values)
+        index = self._attributes.get(key)
+        if index is None:
+            index = self._attributes[key] = len(self.out.attribute_sets)
+            self.out.attribute_sets.append(values)
+        return index
+
+    def _warn_hair(self, obj: Any) -> None:
+        for system in obj.particle_systems:
+            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+                self.context.warn(f"Object '{obj.name}': particle hair is not supported yet and not rendered")
+                return
+
+
+def name_key(name: str) -> int:
+    """Blender's hash of a name."""
+    key = 0
+    for byte in name.encode():
+        key = (key * 37 + byte) & 0xFFFFFFFF
+    return key
+
+
+def mixed_keys(keys: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Object Info's Random of objects that are no instances: their name's hash and a zero, mixed
+    [Jenkins 2006, "lookup3"]."""
+    start = np.uint32((0xDEADBEEF + (2 << 2) + 13) & 0xFFFFFFFF)
+    a, b, c = keys + start, np.full_like(keys, start), np.full_like(keys, start)
+
+    def mix(left: NDArray[np.uint32], right: NDArray[np.uint32], bits: int) -> NDArray[np.uint32]:
+        return (left ^ right) - ((right << np.uint32(bits)) | (right >> np.uint32(32 - bits)))
+
+    c = mix(c, b, 14)
+    a = mix(a, c, 11)
+    b = mix(b, a, 25)
+    c = mix(c, b, 16)
+    a = mix(a, c, 4)
+    b = mix(b, a, 14)
+    return mix(c, b, 24)
+
+
+def object_property(obj: Any, name: str) -> tuple[float, ...] | None:
+    """A custom property of an object or its data, or a property by its path, as 1 to 4 numbers."""
+    for owner in (obj, obj.data):
+        if owner is None:
+            continue
+        value = owner.get(name)
+        if value is None:
+            try:
+                value = owner.path_resolve(name)
+            except (ValueError, TypeError, AttributeError):
+                continue
+        numbers = _numbers(value)
+        if numbers is not None:
+            return numbers
+    return None
+
+
+def _numbers(value: Any) -> tuple[float, ...] | None:
+    if isinstance(value, (bool, int, float)):
+        return (float(value),)
+    try:
+        numbers = tuple(float(v) for v in value)
+    except (TypeError, ValueError):
+        return None
+    return numbers if 1 <= len(numbers) <= 4 else None
+
+
+def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
+    """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
+    records = gathered.records
+    rows = np.array(gathered.rows, dtype=np.int64)
+    which = np.array(gathered.which, dtype=np.int64)
+
+    def column(values: list[Any], dtype: Any, columns: int = 1) -> Any:
+        table = np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
+        return np.ascontiguousarray(table[which])
+
+    flags = column([r.flags for r in records], np.uint32)
+    flags |= gathered.is_instance[rows].astype(np.uint32) * np.uint32(IS_INSTANCE)
+    arrays: dict[str, Any] = {
+        "mesh": column(mesh_handles, np.int32),
+        "matrix": np.ascontiguousarray(gathered.matrices[rows]),
+        "name": column([r.name for r in records], np.int32),
+        "names": gathered.names,
+        "material_set": column([r.material_set for r in records], np.int32),
+        "material_sets": gathered.material_sets,
+        "visibility": column([r.visibility for r in records], np.uint32),
+        "random": np.ascontiguousarray(gathered.random[rows]),
+        "pass_index": column([r.pass_index for r in records], np.int32),
+        "color": column([r.color for r in records], np.float32, 4),
+        "flags": flags,
+        "shading_offset": column([r.shading_offset for r in records], np.float32),
+        "geometry_offset": column([r.geometry_offset for r in records], np.float32),
+        "attribute_set": column([r.attribute_set for r in records], np.int32),
+        "attribute_sets": gathered.attribute_sets,
+    }
+    if gathered.dupli is not None:
+        arrays["dupli_generated"] = np.ascontiguousarray(gathered.dupli[0][rows])
+        arrays["dupli_uv"] = np.ascontiguousarray(gathered.dupli[1][rows])
+    return arrays
