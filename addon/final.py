@@ -109,7 +109,7 @@ class LayerRender:
     def run(self) -> None:
         """Reads the scene once, renders every view."""
         started = time.perf_counter()
-        synced = self._synchronise()
+        synced, stages = self._synchronise()
         sync_seconds = time.perf_counter() - started
         session = synced.session
         self.state.running = session
@@ -120,10 +120,10 @@ class LayerRender:
                 synced.sync.set_render_camera(self.engine, self.depsgraph)
             if not self._render_view(session, view, number):
                 break
-        self._finish(synced, sync_seconds)
+        self._finish(session, sync_seconds, stages)
 
-    def _synchronise(self) -> Synced:
-        """A session that holds the scene; the kept one, brought up to date, with persistent data."""
+    def _synchronise(self) -> tuple[Synced, dict[str, float]]:
+        """A session that holds the scene (the kept one, with persistent data), and the seconds of each stage."""
         engine, scene, layer = self.engine, self.scene, self.layer
         engine.update_stats(f"{scene.name}, {layer.name}", "Synchronizing")
         persistent = scene.render.use_persistent_data
@@ -148,7 +148,7 @@ class LayerRender:
             self.state.kept[layer.name] = synced
         else:
             self.state.kept.clear()
-        return synced
+        return synced, outcome.timings
 
     def _render_view(self, session: Any, view: str, number: int) -> bool:
         """Renders one view to its end. False when the user cancelled; what there is has been written."""
@@ -213,14 +213,29 @@ class LayerRender:
         self.shown = (status, now)
         self.engine.update_stats(self._stats_line(progress), status)
 
-    def _finish(self, synced: Synced, sync_seconds: float) -> None:
-        session = synced.session
+    def _finish(self, session: Any, sync_seconds: float, stages: dict[str, float]) -> None:
         lines = reports.from_session(session)
+        lines.append(
+            reports.Line("info", self._summary(session, sync_seconds, stages), f"View Layer {self.layer.name}")
+        )
         reports.publish(self.engine, self.reports, lines)
         self._stamp(session, sync_seconds)
         self.state.running = None
         if not self.scene.render.use_persistent_data:
             session.stop()
+
+    def _summary(self, session: Any, sync_seconds: float, stages: dict[str, float]) -> str:
+        """Where the time went, for the panel."""
+        progress, statistics = session.progress(), session.statistics()
+        parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items() if seconds >= 0.01)
+        rays = statistics["camera_rays"] + statistics["bounce_rays"] + statistics["shadow_rays"]
+        seconds = max(statistics["render_seconds"], 1e-6)
+        return (
+            f"Read in {sync_seconds:.2f} s{f' ({parts})' if parts else ''}, "
+            f"built in {statistics['update_seconds']:.2f} s, "
+            f"{progress['samples_done']} samples in {seconds:.2f} s, {rays / seconds / 1e6:.2f} million rays a second, "
+            f"peak {progress['memory_peak'] / MEBIBYTE:.0f} MiB"
+        )
 
     def _stamp(self, session: Any, sync_seconds: float) -> None:
         """What made the picture, into the file's metadata."""

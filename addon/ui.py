@@ -247,12 +247,15 @@ class TALBOT_RENDER_PT_warnings(TalbotPanel, bpy.types.Panel):
         layout = self.layout
         lines = _problems(context.scene)
         if not lines:
-            layout.label(text="The last render had nothing to say", icon="CHECKMARK")
+            layout.label(text="The last render had no problems", icon="CHECKMARK")
         column = layout.column(align=True)
         for line in lines[: self.MAX_SHOWN]:
             _wrapped(column, str(line), "CANCEL" if line.level == "error" else "ERROR", context.region.width)
         if len(lines) > self.MAX_SHOWN:
             column.label(text=f"and {len(lines) - self.MAX_SHOWN} more")
+        for line in reports.of_scene(context.scene.name).lines:
+            if line.level == "info":
+                _wrapped(layout, str(line), "INFO", context.region.width)
 
 
 def _problems(scene: Any) -> list[reports.Line]:

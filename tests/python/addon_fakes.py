@@ -72,6 +72,15 @@ class FakeSession:
             "pixel_size": 1,
         }
 
+    def statistics(self) -> dict[str, Any]:
+        return {
+            "camera_rays": 1000,
+            "bounce_rays": 3000,
+            "shadow_rays": 2000,
+            "render_seconds": 0.5,
+            "update_seconds": 0.1,
+        }
+
     def error(self) -> str:
         return self.fail_with
 

@@ -39,8 +39,9 @@ def render_file(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def last_lines(scene: bpy.types.Scene) -> list[str]:
-    return [str(line) for line in reports.of_scene(scene.name).lines]
+def last_lines(scene: bpy.types.Scene, *levels: str) -> list[str]:
+    levels = levels or ("warning", "error")
+    return [str(line) for line in reports.of_scene(scene.name).lines if line.level in levels]
 
 
 def test_writes_a_file(scene: bpy.types.Scene) -> None:
@@ -103,7 +104,9 @@ def test_warnings_are_listed_and_the_file_is_written(scene: bpy.types.Scene, cap
     with fake_engine(lines=lines, warnings=["Object Hair: hair is not rendered"]):
         assert render_file(scene).is_file()
     expected = "Material Wood: image not found (3 times)"
-    assert last_lines(scene) == ["Object Hair: hair is not rendered", expected, "built in 2 s"]
+    assert last_lines(scene) == ["Object Hair: hair is not rendered", expected]
+    assert last_lines(scene, "info")[0] == "built in 2 s"
+    assert "3 samples in 0.50 s, 0.01 million rays a second" in last_lines(scene, "info")[1]
     captured = capfd.readouterr()
     assert expected in captured.out + captured.err
     assert "built in 2 s" not in captured.out + captured.err
