@@ -28,9 +28,9 @@ MAX_METADATA = 1000
 
 @dataclass
 class FinalState:
-    """What an engine keeps between frames and view layers while the scene asks for persistent data."""
+    """What an engine keeps between frames while the scene asks for persistent data."""
 
-    kept: dict[str, Synced] = field(default_factory=dict)
+    kept: Synced | None = None
     running: Any = None
     frame: tuple[str, int, float] | None = None
     layers: set[str] = field(default_factory=set)
@@ -40,9 +40,9 @@ class FinalState:
         if self.running is not None:
             self.running.stop()
             self.running = None
-        for synced in self.kept.values():
-            synced.session.stop()
-        self.kept.clear()
+        if self.kept is not None:
+            self.kept.session.stop()
+            self.kept = None
 
 
 @contextmanager
@@ -63,6 +63,14 @@ def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
         if not result.layers:
             raise RuntimeError(f"view layer {layer.name} has no place in the result")
         LayerRender(engine, state, depsgraph, scene, layer, result).run()
+
+
+def _keeps_data(scene: Any) -> bool:
+    """Whether the next frame may start from this one's session. With several view layers Blender makes a new depsgraph
+    for each; frames of image sequences would pile up."""
+    layers = sum(1 for layer in scene.view_layers if layer.use)
+    moving = any(image.source in {"SEQUENCE", "MOVIE"} and image.users for image in bpy.data.images)
+    return scene.render.use_persistent_data and layers == 1 and not moving
 
 
 def describe_seconds(seconds: float) -> str:
@@ -126,28 +134,21 @@ class LayerRender:
         """A session that holds the scene (the kept one, with persistent data), and the seconds of each stage."""
         engine, scene, layer = self.engine, self.scene, self.layer
         engine.update_stats(f"{scene.name}, {layer.name}", "Synchronizing")
-        persistent = scene.render.use_persistent_data
-        synced = self.state.kept.get(layer.name) if persistent else None
-        if synced is None:
+        persistent = _keeps_data(scene)
+        synced = self.state.kept if persistent else None
+        width, height = engine.resolution_x, engine.resolution_y
+        if synced is not None:
+            outcome = synced.sync.next_frame(self.depsgraph, scene, layer, width=width, height=height)
+        else:
             synced = open_session()
-        outcome = synced.sync.full(
-            self.depsgraph,
-            scene,
-            layer,
-            width=engine.resolution_x,
-            height=engine.resolution_y,
-            viewport=False,
-        )
+            outcome = synced.sync.full(self.depsgraph, scene, layer, width=width, height=height, viewport=False)
         lines = [reports.Line("warning", str(text)) for text in outcome.warnings]
         lines += [
             reports.Line("warning", f"The {name} pass is not available in Talbot yet", f"View Layer {layer.name}")
             for name in passes.not_offered(layer)
         ]
         reports.publish(engine, self.reports, lines)
-        if persistent:
-            self.state.kept[layer.name] = synced
-        else:
-            self.state.kept.clear()
+        self.state.kept = synced if persistent else None
         return synced, outcome.timings
 
     def _render_view(self, session: Any, view: str, number: int) -> bool:
@@ -221,7 +222,7 @@ class LayerRender:
         reports.publish(self.engine, self.reports, lines)
         self._stamp(session, sync_seconds)
         self.state.running = None
-        if not self.scene.render.use_persistent_data:
+        if self.state.kept is None:
             session.stop()
 
     def _summary(self, session: Any, sync_seconds: float, stages: dict[str, float]) -> str:

@@ -94,6 +94,24 @@ class SceneSync:
             self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
         return SyncResult(list(context.warnings), dict(context.timings))
 
+    def next_frame(self, depsgraph: Any, scene: Any, view_layer: Any, *, width: int, height: int) -> SyncResult:
+        """Another final frame of the same depsgraph (persistent data): of what the session holds, meshes whose geometry
+        did not change stay; shaders, objects, lamps, world and camera are read again and sent where they differ."""
+        context = self.context
+        context.warnings.clear()
+        context.timings.clear()
+        changes = read_changes(depsgraph)
+        with context.timed("settings"):
+            self._send_settings(scene, view_layer, width, height)
+        self.images.begin(changes.images)
+        self.images.refresh()
+        self.shaders.begin(None)
+        self._sync_scene(depsgraph, scene, view_layer, changes)
+        if scene.camera is not None:
+            camera = scene.camera.evaluated_get(depsgraph)
+            self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
+        return SyncResult(list(context.warnings), dict(context.timings))
+
     def _forget(self) -> None:
         if self._objects:
             self.session.set_objects({"mesh": np.zeros(0, np.int32), "matrix": np.zeros((0, 16), np.float32)})

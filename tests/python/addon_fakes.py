@@ -128,6 +128,9 @@ class FakeSync:
         self.session.width, self.session.height = width, height
         return SimpleNamespace(warnings=self.warnings, timings={})
 
+    def next_frame(self, *arguments: Any, **named: Any) -> Any:
+        return SimpleNamespace(warnings=self.warnings, timings={})
+
     def update(self, depsgraph: Any) -> bool:
         return True
 

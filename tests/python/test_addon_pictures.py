@@ -105,15 +105,29 @@ def test_exposure(scene: bpy.types.Scene) -> None:
     assert picture(scene)[..., :3] == pytest.approx(first[..., :3] * 2, rel=1e-5)
 
 
+def animate(data: bpy.types.bpy_struct, path: str, first: object, last: object) -> None:
+    """Keys on frames 1 and 3."""
+    for frame, value in ((1, first), (3, last)):
+        setattr(data, path, value)
+        data.keyframe_insert(path, frame=frame)
+
+
 def test_animation_with_persistent_data_is_the_same(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Of everything that may change between frames, one thing of each kind changes."""
     cube = bpy.data.objects["Cube"]
-    cube.keyframe_insert("location", frame=1)
-    cube.location.x = 1.0
-    cube.keyframe_insert("location", frame=3)
-    light = bpy.data.lights["Light"]
-    light.keyframe_insert("energy", frame=1)
-    light.energy = 100.0
-    light.keyframe_insert("energy", frame=3)
+    animate(cube, "location", (0, 0, 0), (1, 0, 0))
+    animate(bpy.data.lights["Light"], "energy", 1000.0, 100.0)
+    animate(bpy.data.objects["Camera"], "location", (7.3, -6.9, 4.9), (7.0, -6.5, 5.5))
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=6, location=(2, 0, 0))
+    bent = bpy.context.object
+    bent.modifiers.new("Displace", "DISPLACE")
+    animate(bent.modifiers["Displace"], "strength", 0.0, 0.5)
+    bpy.ops.mesh.primitive_plane_add(size=3, location=(0, 0, -1))
+    animate(bpy.context.object, "hide_render", False, True)
+    socket = bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"]
+    animate(socket, "default_value", (0.8, 0.8, 0.8, 1), (0.8, 0.1, 0.1, 1))
+    background = scene.world.node_tree.nodes["Background"].inputs["Strength"]
+    animate(background, "default_value", 1.0, 3.0)
     scene.talbot.use_animated_seed = True
     scene.frame_start, scene.frame_end = 1, 3
     frames = []
@@ -122,11 +136,17 @@ def test_animation_with_persistent_data_is_the_same(scene: bpy.types.Scene, tmp_
         scene.render.filepath = str(tmp_path / f"{persistent}_##.exr")
         bpy.ops.render.render(animation=True)
         frames.append([load(str(tmp_path / f"{persistent}_{frame:02d}.exr")) for frame in (1, 2, 3)])
+    bpy.data.objects.remove(bent)
+    scene.frame_set(1)
+    after = picture(scene, str(tmp_path / "True_##.exr").replace("##", "01"))
     scene.render.use_persistent_data = False
+    fresh = picture(scene, str(tmp_path / "True_##.exr").replace("##", "01"))
     plain, kept = frames
     assert not np.array_equal(plain[0], plain[1])
     for one, other in zip(plain, kept, strict=True):
         assert np.array_equal(one, other)
+    assert np.array_equal(after, fresh)
+    assert not np.array_equal(after, plain[0])
 
 
 def test_stereo_eyes_differ(scene: bpy.types.Scene, tmp_path: Path) -> None:
