@@ -122,7 +122,9 @@ class GraphBuilder:
         return self._constant(socket, kind, source)
 
     def _constant(self, socket: Any, kind: str, source: Source) -> tuple[str, str, Any, bool, int, str]:
-        """A constant found behind groups or muted nodes. It is a value, not "the default of the situation"."""
+        """A constant found behind groups or muted nodes; a socket with a "default of the situation" prefers that."""
+        if socket.hide_value:
+            return socket.identifier, kind, ZERO[kind], True, -1, ""
         if source.socket is None:
             return socket.identifier, kind, ZERO[kind], False, -1, ""
         found = socket_kind(source.socket) or "FLOAT"

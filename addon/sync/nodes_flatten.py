@@ -2,6 +2,9 @@
 every input is either unlinked, linked to an output of a node that computes something, or replaced by a constant found
 on the way.
 
+Constants follow Cycles without the inliner (measured in 3.4): a muted node or a reroute that nothing feeds gives zero, an
+unlinked socket of a group gives its value, and neither reaches sockets where unlinked means more than a value.
+
 Works on any Blender: where `inline_shader_nodes()` exists the tree given is simpler already, and nothing is lost.
 """
 
@@ -106,23 +109,20 @@ class Flattener:
             return None
         return self._output(scope, link.from_node, link.from_socket, depth + 1)
 
-    def _input_or_value(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
-        """The same, with the socket's own value for an unlinked one; None where that means "the default of the
-        situation"."""
-        if scope.links.get((node.name, socket.identifier)) is not None:
-            return self._input(scope, node, socket, depth)
-        return None if socket.hide_value else Source(socket=socket)
+    def _input_or_value(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source:
+        """The same for a group's sockets, which pass on their own value when they are unlinked."""
+        return self._input(scope, node, socket, depth) or Source(socket=socket)
 
-    def _output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+    def _output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source:
         if depth > MAX_DEPTH:
             self.problems.append(f"Node '{node.name}' is part of a circle of links")
             return Source()
         if node.type == "REROUTE":
-            return self._input(scope, node, node.inputs[0], depth)
+            return self._input(scope, node, node.inputs[0], depth) or Source()
         if node.mute:
             for link in node.internal_links:
                 if link.to_socket == socket:
-                    return self._input_or_value(scope, node, link.from_socket, depth)
+                    return self._input(scope, node, link.from_socket, depth) or Source()
             return Source()
         if node.type in GROUP_TYPES:
             return self._group_output(scope, node, socket, depth)
@@ -130,7 +130,7 @@ class Flattener:
             return self._group_input(scope, socket, depth)
         return Source(self._visit(scope, node), socket.identifier)
 
-    def _group_output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
+    def _group_output(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source:
         tree = node.node_tree
         if tree is None:
             self.problems.append(f"Node '{node.name}' has lost its group")
@@ -151,7 +151,7 @@ class Flattener:
                 return self._input_or_value(inner, active, candidate, depth + 1)
         return Source()
 
-    def _group_input(self, scope: Scope, socket: Any, depth: int) -> Source | None:
+    def _group_input(self, scope: Scope, socket: Any, depth: int) -> Source:
         if scope.parent is None:
             return Source()
         for candidate in scope.group.inputs:
