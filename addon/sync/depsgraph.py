@@ -161,6 +161,7 @@ class SceneSync:
             changed |= self._send_objects(gathered, handles)
             for handle in removed:
                 self.session.remove_mesh(handle)
+        self.shaders.sweep()
         return changed or self.shaders.sent
 
     def _send_meshes(
@@ -183,7 +184,7 @@ class SceneSync:
                 handles.append(entry.handle)
                 continue
             changed = True
-            arrays = read_mesh(self.context, record.mesh)
+            arrays = read_record(self.context, record)
             if arrays is None:
                 if entry is not None:
                     seen.discard(pointer)
@@ -263,6 +264,17 @@ class SceneSync:
             self.session.set_settings(self._settings)
             changed = True
         return self._send_camera(viewport_values(self.context, context, region_data, width, height)) or changed
+
+
+def read_record(context: SyncContext, record: Record) -> dict[str, Any] | None:
+    """The arrays of a record's mesh. In edit mode the evaluated mesh is an empty shell; the object makes a real one."""
+    if not record.mesh.is_editmode:
+        return read_mesh(context, record.mesh)
+    owner = record.holders[-1]
+    try:
+        return read_mesh(context, owner.to_mesh())
+    finally:
+        owner.to_mesh_clear()
 
 
 def _equal(left: Any, right: Any) -> bool:

@@ -29,9 +29,12 @@ class ImageSync:
             self.context.session.remove_image(handle)
         self._handles.clear()
 
-    def has_changed(self) -> bool:
-        """Whether some image must be read again."""
-        return any(key[0] in self._stale for key in self._handles)
+    def keep(self, used: frozenset[int]) -> None:
+        """Removes the images that no shader shows any more (frames of a sequence, among others)."""
+        for key, handle in list(self._handles.items()):
+            if handle not in used:
+                self.context.session.remove_image(handle)
+                del self._handles[key]
 
     def refresh(self) -> bool:
         """Reads changed images into the handles they have. True when there were any."""

@@ -77,7 +77,9 @@ class ShaderSync:
         self._handles: dict[tuple[str, str], int] = {}
         self._signatures: dict[tuple[str, str], bytes] = {}
         self._wanted: dict[tuple[str, str], frozenset[str]] = {}
+        self._images: dict[tuple[str, str], frozenset[int]] = {}
         self._fresh: set[tuple[str, str]] = set()
+        self._seen: set[tuple[str, str]] = set()
         self.sent = False
         """Whether the last pass changed a shader."""
 
@@ -85,13 +87,22 @@ class ShaderSync:
         """Forgets and removes everything."""
         for handle in self._handles.values():
             self.context.session.remove_shader(handle)
-        for memory in (self._handles, self._signatures, self._wanted):
+        for memory in (self._handles, self._signatures, self._wanted, self._images):
             memory.clear()
 
     def begin(self, changed: set[tuple[str, str]] | None) -> None:
         """Starts a pass: datablocks in `changed` (None: all) are read again when somebody asks for them."""
         self._fresh = set() if changed is None else set(self._handles) - changed
+        self._seen = set()
         self.sent = False
+
+    def sweep(self) -> None:
+        """Ends a pass: removes the shaders nobody asked for, then the images no shader shows."""
+        for key in set(self._handles) - self._seen:
+            self.context.session.remove_shader(self._handles.pop(key))
+            for memory in (self._signatures, self._wanted, self._images):
+                memory.pop(key, None)
+        self.images.keep(frozenset().union(*self._images.values()))
 
     def wanted(self) -> set[str]:
         """Attributes that any shader reads."""
@@ -100,6 +111,7 @@ class ShaderSync:
     def material(self, material: Any) -> int:
         """The handle of a material."""
         key = id_key(material)
+        self._seen.add(key)
         if key in self._fresh:
             return self._handles[key]
         owner = f"Material '{material.name}'"
@@ -128,6 +140,7 @@ class ShaderSync:
     def world(self, world: Any) -> int:
         """The handle of a world."""
         key = id_key(world)
+        self._seen.add(key)
         if key in self._fresh:
             return self._handles[key]
         owner = f"World '{world.name}'"
@@ -137,17 +150,19 @@ class ShaderSync:
     def light(self, light: Any) -> int:
         """The handle of a lamp's nodes; -1 when it has none."""
         key = id_key(light)
+        self._seen.add(key)
         if key in self._fresh:
             return self._handles[key]
         owner = f"Light '{light.name}'"
         graph = self._tree_graph(light, owner, key)
         if graph is None:
+            self._seen.discard(key)  # nodes that were switched off go with the sweep
             return -1
         return self._send(key, owner, graph, {})
 
     def _tree_graph(self, owner_id: Any, owner: str, key: tuple[str, str]) -> dict[str, Any] | None:
         """The graph of a datablock's nodes; None when it does not use nodes; empty (black) without an output."""
-        self._wanted[key] = frozenset()
+        self._wanted[key], self._images[key] = frozenset(), frozenset()
         if owner_id.node_tree is None or not owner_id.use_nodes:
             return None
         # The inliner's result owns its tree: it must live while the tree is read.
@@ -158,7 +173,7 @@ class ShaderSync:
             return {"nodes": [], "output_node": -1}
         builder = GraphBuilder(self.context, self.images, owner, inlined is not None)
         graph = builder.build(tree, output)
-        self._wanted[key] = frozenset(builder.wanted)
+        self._wanted[key], self._images[key] = frozenset(builder.wanted), frozenset(builder.image_handles)
         return graph
 
     def _send(self, key: tuple[str, str], name: str, graph: dict[str, Any], values: dict[str, Any]) -> int:

@@ -106,6 +106,8 @@ def _normals(mesh: Any, arrays: dict[str, Any]) -> None:
     make them differ."""
     if hasattr(mesh, "corner_normals"):
         split = mesh.normals_domain == "CORNER"
+        if mesh.normals_domain == "FACE":  # all edges are sharp
+            arrays["face_smooth"] = np.zeros(len(mesh.polygons), dtype=np.uint8)
         if split:
             arrays["corner_normals"] = _read(mesh.corner_normals, "vector", len(mesh.loops), np.float32, 3)
             if mesh.has_custom_normals:

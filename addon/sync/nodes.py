@@ -78,6 +78,7 @@ class GraphBuilder:
         self.images = images
         self.owner = owner
         self.wanted: set[str] = set()
+        self.image_handles: set[int] = set()
         self._nodes: list[dict[str, Any]] = []
 
     def build(self, tree: Any, output: Any) -> dict[str, Any]:
@@ -155,7 +156,10 @@ class GraphBuilder:
             elif kind == "TEXT":
                 out[identifier] = str(value)
             elif identifier == "image":
-                out["image"] = self.images.handle(value, node.image_user, self.owner) if value is not None else -1
+                out["image"] = -1
+                if value is not None:
+                    out["image"] = self.images.handle(value, node.image_user, self.owner)
+                    self.image_handles.add(out["image"])
             elif identifier == "color_ramp":
                 out["color_ramp"] = ramp_table(value, self.context.version)
                 out["color_ramp_constant"] = float(value.interpolation == "CONSTANT")

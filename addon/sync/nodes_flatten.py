@@ -2,8 +2,8 @@
 every input is either unlinked, linked to an output of a node that computes something, or replaced by a constant found
 on the way.
 
-Constants follow Cycles without the inliner (measured in 3.4): a muted node or a reroute that nothing feeds gives zero, an
-unlinked socket of a group gives its value, and neither reaches sockets where unlinked means more than a value.
+Constants follow Cycles without the inliner (measured in 3.4): a muted node or a reroute that nothing feeds gives zero,
+an unlinked socket of a group gives its value, and neither reaches sockets where unlinked means more than a value.
 
 Works on any Blender: where `inline_shader_nodes()` exists the tree given is simpler already, and nothing is lost.
 """

@@ -159,7 +159,7 @@ class ObjectPass:
                 self.context.warn(f"Object '{obj.name}': {UNSUPPORTED[kind]} are not supported yet and not rendered")
             return SKIP
         visibility = self._visibility(obj, parent)
-        if not self.view_layer.use_solid or visibility == 0 or not len(data.polygons):
+        if not self.view_layer.use_solid or visibility == 0 or not (len(data.polygons) or data.is_editmode):
             return SKIP
         cycles = versions.cycles_settings(obj)
         holder = parent if parent is not None else obj
@@ -173,6 +173,7 @@ class ObjectPass:
             owners.add(("Object", parent.original.name_full))
         shading = getattr(obj, "shadow_terminator_shading_offset", None)
         geometry = getattr(obj, "shadow_terminator_geometry_offset", None)
+        holders = tuple(h.original.evaluated_get(self.depsgraph) for h in (parent, obj) if h is not None)
         self.out.records.append(
             Record(
                 mesh=data,
@@ -187,9 +188,7 @@ class ObjectPass:
                 geometry_offset=float(
                     cycles.get("shadow_terminator_geometry_offset", 0.1) if geometry is None else geometry
                 ),
-                holders=tuple(
-                    holder.original.evaluated_get(self.depsgraph) for holder in (parent, obj) if holder is not None
-                ),
+                holders=holders,
             )
         )
         return len(self.out.records) - 1
