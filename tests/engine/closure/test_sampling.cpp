@@ -1,0 +1,158 @@
+/// Samplers draw what their pdf says (chi-squared), weights are f / pdf, nothing is NaN whatever the parameters.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "bench.h"
+
+namespace talbot::test {
+namespace {
+
+constexpr int kRows = 24, kColumns = 48, kFine = 8;
+
+/// Bins of the sphere around `axis`, finer near it: row by sqrt(angle / pi).
+struct Sphere {
+    Vec3 x, y, z;
+    explicit Sphere(Vec3 axis) : z(normalize(axis)) { make_basis(z, x, y); }
+    int bin(Vec3 w) const {
+        const double theta = std::atan2(double(length(cross(z, w))), double(dot(z, w)));
+        double phi = std::atan2(double(dot(y, w)), double(dot(x, w)));
+        if (phi < 0) phi += 2 * M_PI;
+        const int row = std::min(int(std::sqrt(theta / M_PI) * kRows), kRows - 1), column = std::min(int(phi / (2 * M_PI) * kColumns), kColumns - 1);
+        return row * kColumns + column;
+    }
+};
+
+/// Integral of the pdf over every bin (midpoints).
+std::vector<double> expected_mass(Bench& bench, const Sphere& sphere) {
+    std::vector<Vec3> directions;
+    std::vector<double> area;
+    for (int r = 0; r < kRows * kFine; ++r) {
+        for (int c = 0; c < kColumns * kFine; ++c) {
+            const double t0 = double(r) / (kRows * kFine), t1 = double(r + 1) / (kRows * kFine);
+            const double a = M_PI * t0 * t0, b = M_PI * t1 * t1, phi = 2 * M_PI * (c + 0.5) / (kColumns * kFine);
+            const double cosine = 0.5 * (std::cos(a) + std::cos(b)), sine = std::sqrt(std::max(0.0, 1 - cosine * cosine));
+            directions.push_back(normalize(sphere.x * float(sine * std::cos(phi)) + sphere.y * float(sine * std::sin(phi)) + sphere.z * float(cosine)));
+            area.push_back((std::cos(a) - std::cos(b)) * 2 * M_PI / (kColumns * kFine));
+        }
+    }
+    const auto values = bench.eval(directions);
+    std::vector<double> mass(kRows * kColumns);
+    for (int r = 0; r < kRows * kFine; ++r)
+        for (int c = 0; c < kColumns * kFine; ++c) {
+            const size_t i = size_t(r) * kColumns * kFine + c;
+            mass[r / kFine * kColumns + c / kFine] += values[i].pdf * area[i];
+        }
+    return mass;
+}
+
+/// Standard normal deviate of a chi-squared value (Wilson-Hilferty).
+double deviate(double chi2, int freedom) {
+    const double k = 2.0 / (9.0 * freedom);
+    return (std::cbrt(chi2 / freedom) - (1 - k)) / std::sqrt(k);
+}
+
+class EveryClosure : public testing::TestWithParam<int> {
+protected:
+    Case current = all_cases()[size_t(GetParam())];
+};
+INSTANTIATE_TEST_SUITE_P(Cases, EveryClosure, testing::Range(0, int(all_cases().size())), [](const auto& info) {
+    std::string name;
+    for (const char* c = all_cases()[size_t(info.param)].name; *c; ++c) name += std::isalnum(*c) ? *c : '_';
+    return name;
+});
+
+TEST_P(EveryClosure, SamplesFollowThePdf) {
+    Bench bench(current);
+    const Vec3 n{0, 0, 1};
+    const bool glossy = bench.slot.type == ClosureType::Microfacet || bench.slot.type == ClosureType::AshikhminShirley ||
+                        bench.slot.type == ClosureType::PrincipledClearcoatV1 || bench.slot.type == ClosureType::MicrofacetGlass;
+    const Sphere sphere(glossy ? n * (2 * dot(n, current.wo)) - current.wo : (bench.slot.type == ClosureType::MicrofacetRefract ? -current.wo : n));
+    const std::vector<double> mass = expected_mass(bench, sphere);
+    constexpr int kSamples = 200000;
+    std::vector<double> seen(mass.size());
+    double failed = 0;
+    for (const Sample& s : bench.sample(kSamples)) (s.flags & kSampledFailed ? failed : seen[size_t(sphere.bin(s.wi))]) += 1;
+    // The quadrature's own error, about 1 % of a cell, counts as variance; more where the pdf has an edge inside the sphere.
+    const bool edged = bench.slot.type == ClosureType::DiffuseToon || bench.slot.type == ClosureType::GlossyToon;
+    const double quadrature = edged ? 0.08 : 0.01;
+    double total = 0, chi2 = 0, pooled_expected = 0, pooled_seen = 0;
+    int cells = 0;
+    for (size_t i = 0; i < mass.size(); ++i) {
+        total += mass[i];
+        const double expected = mass[i] * kSamples;
+        if (expected < 20) {
+            pooled_expected += expected;
+            pooled_seen += seen[i];
+            continue;
+        }
+        chi2 += (seen[i] - expected) * (seen[i] - expected) / (expected + quadrature * quadrature * expected * expected);
+        ++cells;
+    }
+    EXPECT_LT(total, edged ? 1.02 : 1.008);
+    EXPECT_NEAR(failed / kSamples, 1 - total, edged ? 0.02 : 0.008);
+    EXPECT_NEAR(pooled_seen, pooled_expected, 6 * std::sqrt(pooled_expected + 1) + 0.02 * pooled_expected);
+    ASSERT_GT(cells, 20);
+    EXPECT_LT(deviate(chi2, cells - 1), 4.0) << "chi2 " << chi2 << " of " << cells;
+}
+
+TEST_P(EveryClosure, WeightIsValueOverPdf) {
+    Bench bench(current);
+    const auto samples = bench.sample(2000, 7);
+    std::vector<Vec3> directions;
+    for (const Sample& s : samples) directions.push_back(s.wi);
+    const auto values = bench.eval(directions);
+    int compared = 0;
+    for (size_t i = 0; i < samples.size(); ++i) {
+        const Sample& s = samples[i];
+        if (s.flags & kSampledFailed) continue;
+        // Directions within rounding of the horizon may fall on either side.
+        if (std::fabs(s.wi.z) < 1e-4f || s.pdf < 1e-4f) continue;
+        const float scale = 0.01f * s.pdf;
+        ASSERT_NEAR(values[i].pdf, s.pdf, scale) << "wi " << s.wi.x << " " << s.wi.y << " " << s.wi.z;
+        ASSERT_NEAR(values[i].f.x, s.weight.x * s.pdf, 0.01f * s.weight.x * s.pdf + 1e-6f);
+        ASSERT_NEAR(values[i].f.y, s.weight.y * s.pdf, 0.01f * s.weight.y * s.pdf + 1e-6f);
+        ASSERT_NEAR(values[i].f.z, s.weight.z * s.pdf, 0.01f * s.weight.z * s.pdf + 1e-6f);
+        ++compared;
+    }
+    EXPECT_GT(compared, 500);
+}
+
+TEST_P(EveryClosure, ScattersNoMoreThanItReceives) {
+    Bench bench(current);
+    // Burley's diffuse is known to create up to 4 % at the front and more at grazing angles.
+    const float most = current.type == ClosureType::PrincipledDiffuseV1 ? 1.06f : 1.005f;
+    const Rgb a = bench.scattered(200000);
+    EXPECT_LT(max_component(a), most);
+    EXPECT_GT(max_component(a), 0.0f);
+}
+
+TEST_P(EveryClosure, AbsurdParametersGiveNumbers) {
+    const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+    const Vec3 views[] = {{0, 0, 1}, {1, 0, 0}, {0.6f, 0, -0.8f}, {0, 0, 0}, direction(89.9999, 3)};
+    for (const float bad : {nan, inf, -inf, -1.0f, 0.0f, 1e-20f, 1e20f, 3.0f}) {
+        for (const Vec3 view : views) {
+            Bench bench(current);
+            bench.wo = view;
+            for (float& p : bench.values) p = bad;
+            const auto samples = bench.sample(64, 3);
+            std::vector<Vec3> directions = {{0, 0, 1}, {0, 0, -1}, {1, 0, 0}, direction(30, 0), direction(150, 0), view, -view};
+            for (const Sample& s : samples) {
+                ASSERT_TRUE(std::isfinite(s.weight.x + s.weight.y + s.weight.z) && std::isfinite(s.pdf)) << bad;
+                ASSERT_TRUE(std::isfinite(s.wi.x + s.wi.y + s.wi.z)) << bad;
+                ASSERT_TRUE(s.weight.x >= 0 && s.pdf >= 0);
+                if (!(s.flags & kSampledFailed)) directions.push_back(s.wi);
+            }
+            for (const Evaluated& e : bench.eval(directions)) {
+                ASSERT_TRUE(std::isfinite(e.f.x + e.f.y + e.f.z) && std::isfinite(e.pdf)) << bad;
+                ASSERT_TRUE(e.f.x >= 0 && e.pdf >= 0);
+            }
+            const Rgb a = bench.albedo();
+            ASSERT_TRUE(std::isfinite(a.x + a.y + a.z));
+        }
+    }
+}
+
+}  // namespace
+}  // namespace talbot::test

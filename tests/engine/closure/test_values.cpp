@@ -1,0 +1,210 @@
+/// Closed forms and published figures: albedos, delta lobes, reciprocity, bump shadowing.
+#include <gtest/gtest.h>
+
+#include "bench.h"
+
+namespace talbot::test {
+namespace {
+
+Vec3 at_cosine(double mu) {
+    return {float(std::sqrt(1 - mu * mu)), 0, float(mu)};
+}
+float reflected(float alpha, double mu, uint8_t variant = 0, int version = 502, std::vector<float> fresnel = {}) {
+    Bench bench({"", ClosureType::Microfacet, reflect(alpha, alpha, fresnel), variant, at_cosine(mu), version});
+    return bench.scattered(400000).x;
+}
+
+// E(mu) of GGX with F = 1, height-correlated; alpha = 1, mu = 1 is 1 - ln 2.
+TEST(Microfacet, AlbedoOfGgx) {
+    EXPECT_NEAR(reflected(1.0f, 1.0), 1 - std::log(2.0), 2e-3);
+    EXPECT_NEAR(reflected(0.5f, 1.0), 0.68784852, 2e-3);
+    EXPECT_NEAR(reflected(0.25f, 1.0), 0.91581243, 2e-3);
+    EXPECT_NEAR(reflected(0.05f, 1.0), 0.99729587, 1e-3);
+    EXPECT_NEAR(reflected(0.5f, 0.6), 0.687836, 2e-3);
+    EXPECT_NEAR(reflected(0.5f, 0.2), 0.789929, 2e-3);
+    EXPECT_NEAR(reflected(1.0f, 0.2), 0.641648, 2e-3);
+    EXPECT_NEAR(reflected(0.1f, 0.1), 0.883477, 2e-3);
+}
+TEST(Microfacet, AlbedoOfSeparableGgx) {
+    EXPECT_NEAR(reflected(0.5f, 0.6, 0, 304), 0.680247, 2e-3);
+    EXPECT_NEAR(reflected(0.5f, 0.2, 0, 304), 0.738978, 2e-3);
+}
+// The figures are for the exact shadowing; Walter's rational approximation is within 0.004.
+TEST(Microfacet, AlbedoOfBeckmann) {
+    EXPECT_NEAR(reflected(0.5f, 1.0, kBeckmann), 0.943008, 4e-3);
+    EXPECT_NEAR(reflected(0.5f, 0.6, kBeckmann), 0.867542, 4e-3);
+    EXPECT_NEAR(reflected(0.5f, 0.2, kBeckmann), 0.920963, 4e-3);
+}
+TEST(Microfacet, AlbedoWithFresnel) {
+    const uint8_t dielectric = uint8_t(FresnelKind::Dielectric);
+    EXPECT_NEAR(reflected(0.5f, 1.0, dielectric, 502, {1.5f}), 0.0281744, 2e-4);
+    EXPECT_NEAR(reflected(0.5f, 0.6, dielectric, 502, {1.5f}), 0.0381715, 3e-4);
+    EXPECT_NEAR(reflected(0.5f, 0.2, dielectric, 502, {1.5f}), 0.0778907, 6e-4);
+}
+
+// Reflectances of a smooth pane of index 1.5, and Brewster's and the critical angle.
+TEST(Fresnel, SharpGlass) {
+    const double angle[] = {0, 30, 45, 60, 75, 85}, expected[] = {0.04, 0.0415226, 0.0502399, 0.0891867, 0.2530606, 0.6127997};
+    for (int i = 0; i < 6; ++i) {
+        Bench bench({"", ClosureType::MicrofacetGlass, glass(0, 1.5f), 0, direction(angle[i], 0)});
+        double mirror = 0;
+        constexpr int kSamples = 100000;
+        for (const Sample& s : bench.sample(kSamples)) {
+            ASSERT_TRUE(s.flags & kSampledDelta);
+            ASSERT_FALSE(s.flags & kSampledFailed);
+            ASSERT_NEAR(s.weight.x, 1.0f, 1e-4f);  // reflected or refracted, nothing is lost
+            if (s.flags & kSampledTransmit) {
+                // Snell
+                ASSERT_NEAR(std::sqrt(1 - s.wi.z * s.wi.z), std::sin(angle[i] * M_PI / 180) / 1.5, 1e-4);
+                ASSERT_NEAR(s.eta, 1.5f, 1e-6f);
+            } else {
+                ASSERT_NEAR(s.wi.z, std::cos(angle[i] * M_PI / 180), 1e-5);
+                mirror += 1.0 / kSamples;
+            }
+        }
+        EXPECT_NEAR(mirror, expected[i], 5 * std::sqrt(expected[i] / kSamples));
+    }
+    // Beyond the critical angle (41.81 degrees) everything is reflected.
+    Bench inside({"", ClosureType::MicrofacetGlass, glass(0, 1 / 1.5f), 0, direction(41.9, 0)});
+    for (const Sample& s : inside.sample(100)) ASSERT_FALSE(s.flags & (kSampledTransmit | kSampledFailed));
+    Bench below({"", ClosureType::MicrofacetRefract, refract(0, 1 / 1.5f), 0, direction(41.7, 0)});
+    for (const Sample& s : below.sample(100)) ASSERT_EQ(s.flags & (kSampledTransmit | kSampledFailed), kSampledTransmit);
+    Bench beyond({"", ClosureType::MicrofacetRefract, refract(0, 1 / 1.5f), 0, direction(41.9, 0)});
+    for (const Sample& s : beyond.sample(100)) ASSERT_TRUE(s.flags & kSampledFailed);
+}
+
+TEST(Fresnel, Conductor) {
+    // Silver-like n = 0.05, k = 4: R(0) = ((n-1)^2 + k^2) / ((n+1)^2 + k^2).
+    Bench bench({"", ClosureType::Microfacet, reflect(0, 0, {0.05f, 0.05f, 1.5f, 4, 4, 0}), uint8_t(FresnelKind::Conductor)});
+    const Rgb r = bench.sample(1)[0].weight;
+    EXPECT_NEAR(r.x, (0.95 * 0.95 + 16) / (1.05 * 1.05 + 16), 1e-5);
+    EXPECT_NEAR(r.z, 0.04, 1e-5);  // without absorption: a dielectric
+}
+
+TEST(Diffuse, WhiteScattersEverything) {
+    for (const double theta : {0.0, 35.0, 80.0}) {
+        EXPECT_NEAR(Bench({"", ClosureType::Diffuse, {}, 0, direction(theta, 0)}).scattered(1000).x, 1, 1e-4);
+        EXPECT_NEAR(Bench({"", ClosureType::Translucent, {}, 0, direction(theta, 0)}).scattered(1000).x, 1, 1e-4);
+        // The multiple-scattering term gives back what the facets keep.
+        EXPECT_NEAR(Bench({"", ClosureType::OrenNayar, {1, 1, 1, 1}, 0, direction(theta, 0)}).scattered(200000).x, 1, 3e-3);
+    }
+}
+TEST(Diffuse, TransparentGoesOn) {
+    Bench bench({"", ClosureType::Transparent, {}, 0, direction(40, 10)});
+    bench.weight = {0.5f, 0.25f, 1};
+    const Sample s = bench.sample(1)[0];
+    EXPECT_EQ(s.flags, kSampledDelta | kSampledTransmit | kSampledTransparent);
+    EXPECT_NEAR(dot(s.wi, bench.wo), -1, 1e-6);
+    EXPECT_EQ(s.weight.y, 0.25f);
+    EXPECT_EQ(bench.eval({s.wi})[0].f.x, 0.0f);
+}
+// Burley's diffuse at normal incidence, roughness 0, 1/2, 1.
+TEST(Diffuse, Burley) {
+    const double expected[] = {0.976190, 1.005952, 1.035714};
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(Bench({"", ClosureType::PrincipledDiffuseV1, {0.5f * i}}).scattered(200000).x, expected[i], 1e-3);
+}
+
+TEST(Reciprocity, HoldsWhereItShould) {
+    const Vec3 a = direction(25, 40), b = direction(62, 190);
+    for (const Case& c : all_cases()) {
+        switch (c.type) {
+            case ClosureType::Diffuse:
+            case ClosureType::OrenNayar:
+            case ClosureType::OrenNayarFujii:
+            case ClosureType::Microfacet:
+            case ClosureType::AshikhminShirley:
+            case ClosureType::AshikhminVelvet:
+            case ClosureType::PrincipledDiffuseV1:
+            case ClosureType::PrincipledSheenV1:
+            case ClosureType::PrincipledClearcoatV1:
+                break;
+            default:
+                continue;
+        }
+        Case forward = c, backward = c;
+        forward.wo = a;
+        backward.wo = b;
+        const float f = Bench(forward).eval({b})[0].f.x / b.z, g = Bench(backward).eval({a})[0].f.x / a.z;
+        EXPECT_NEAR(f, g, 2e-4f * std::max(f, g) + 1e-9f) << c.name;
+    }
+    // Radiance through glass, unscaled: f(a, b) |cos b| eta^2-free form obeys f / eta^2 symmetric across the interface.
+    const float eta = 1.45f;
+    const Vec3 through = direction(150, 200);
+    const float down = Bench({"", ClosureType::MicrofacetRefract, refract(0.4f, eta), 0, a}).eval({through})[0].f.x / std::fabs(through.z);
+    Bench up({"", ClosureType::MicrofacetRefract, refract(0.4f, 1 / eta), 0, through});
+    up.normal = up.ng = up.ns = {0, 0, -1};
+    const float back = up.eval({a})[0].f.x / a.z;
+    EXPECT_GT(down, 0.01f);
+    EXPECT_NEAR(down, back * eta * eta, 2e-3f * down);
+}
+
+TEST(Limits, TinyAlphaIsSharp) {
+    const Vec3 wo = direction(30, 0), mirror = direction(30, 180);
+    for (const auto& [alpha, version, sharp] : {std::tuple{1e-5f, 502, true}, {1e-4f, 502, false}, {1e-4f, 304, true}, {1e-3f, 304, false}}) {
+        Bench bench({"", ClosureType::Microfacet, reflect(alpha, alpha), 0, wo, version});
+        EXPECT_EQ((bench.sample(1)[0].flags & kSampledDelta) != 0, sharp) << alpha;
+        EXPECT_EQ(bench.eval({mirror})[0].pdf == 0, sharp) << alpha;
+    }
+}
+TEST(Limits, IndexOneLetsLightPassStraight) {
+    Bench bench({"", ClosureType::MicrofacetGlass, glass(0.5f, 1.0f), 0, direction(50, 30)});
+    for (const Sample& s : bench.sample(100)) {
+        if (s.flags & kSampledFailed) continue;
+        ASSERT_TRUE(s.flags & kSampledTransmit);
+        ASSERT_NEAR(dot(s.wi, bench.wo), -1, 1e-5);
+    }
+}
+TEST(Limits, BlurRaisesAlphaOnly) {
+    float ax[2] = {0.01f, 0.5f}, ay[2] = {0.2f, 0.5f}, tangent[2] = {0, 0};
+    float* params[] = {ax, ay, tangent, tangent, tangent};
+    const float least[2] = {0.1f, 0.1f};
+    ClosureSlot slot;
+    slot.type = ClosureType::Microfacet;
+    closure_blur(slot, params, least, 2);
+    EXPECT_EQ(ax[0], 0.1f);
+    EXPECT_EQ(ay[0], 0.2f);
+    EXPECT_EQ(ax[1], 0.5f);
+    EXPECT_EQ(tangent[0], 0.0f);
+    slot.type = ClosureType::SheenLtc;
+    float rough[2] = {0, 0};
+    float* sheen[] = {rough};
+    closure_blur(slot, sheen, least, 2);
+    EXPECT_EQ(rough[0], 0.0f);
+}
+
+// The closure's normal bent 60 degrees away from the smooth one: light from between the horizons is cut.
+TEST(Bump, NoLightThroughTheSurface) {
+    Bench bench({"", ClosureType::Diffuse, {}});
+    bench.normal = direction(60, 0);
+    const Vec3 below = direction(100, 0), beside = direction(70, 0), above = direction(5, 180);
+    EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
+    EXPECT_GT(bench.eval({above})[0].f.x, 0.0f);
+    const float plain = dot(bench.normal, beside) * kInvPi;
+    EXPECT_LT(bench.eval({beside})[0].f.x, plain);  // softened before the terminator
+    bench.bump_correction = false;
+    EXPECT_NEAR(bench.eval({beside})[0].f.x, plain, 1e-5f);
+    EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
+    // Before 4.0: g + g^2 - g^3 with g = (ns.wi) / ((n.wi)(ns.n)), diffuse only, and nothing else.
+    bench.bump_correction = true;
+    bench.version = 304;
+    const float g = beside.z / (dot(bench.normal, beside) * bench.normal.z);
+    EXPECT_NEAR(bench.eval({beside})[0].f.x, plain * (g + g * g - g * g * g), 1e-5f);
+    EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
+    Bench flat({"", ClosureType::Diffuse, {}});
+    EXPECT_NEAR(flat.eval({above})[0].f.x, above.z * kInvPi, 1e-6f);
+}
+TEST(Bump, SamplesBelowTheRealSurfaceAreLost) {
+    Bench bench({"", ClosureType::Diffuse, {}});
+    bench.normal = direction(60, 0);
+    int lost = 0;
+    for (const Sample& s : bench.sample(1000)) {
+        lost += (s.flags & kSampledFailed) != 0;
+        if (!(s.flags & kSampledFailed)) {
+            ASSERT_GT(s.wi.z, 0.0f);
+        }
+    }
+    EXPECT_GT(lost, 100);
+}
+
+}  // namespace
+}  // namespace talbot::test
