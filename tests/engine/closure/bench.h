@@ -198,7 +198,7 @@ inline std::vector<Case> all_cases() {
         {"velvet", T::AshikhminVelvet, {0.5f}, 0, tilted},
         {"sheen .3", T::SheenLtc, {0.3f}, 0, direction(60, 40)},
         {"sheen 1", T::SheenLtc, {1.0f}, 0, tilted},
-        {"toon diffuse", T::DiffuseToon, {0.5f, 0.3f}, 0, tilted},
+        {"toon diffuse", T::DiffuseToon, {0.35f, 0.15f}, 0, tilted},
         {"toon glossy", T::GlossyToon, {0.3f, 0.2f}, 0, tilted},
         {"v1 diffuse", T::PrincipledDiffuseV1, {0.5f}, 0, tilted, 304},
         {"v1 sheen", T::PrincipledSheenV1, {}, 0, tilted, 304},
