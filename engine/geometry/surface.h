@@ -1,4 +1,19 @@
 /// From a hit to a shading point, and from a shading point to the next ray's origin.
+///
+/// Barycentrics weigh the triangle's vertices as hit = (1 - u - v) a + u b + v c. Directions and normals are in world space; normals go by the inverse
+/// transpose, so the side that is "out" in object space stays out under mirroring maps (Cycles' rule too).
+///
+/// Error bounds. With eps = 2^-24 (half a unit in the last place of 1) and |.| taken by component, everything that is rounded on the way from the vertices to
+/// the traced triangle and to p is at most
+///     box = eps (14 W + 10 |M| (|M^-1| W + |t'|)),   W = |M| max(|a|, |b|, |c|) + |t|
+/// where M, t is the object's map and t' the translation of its inverse: interpolation 7, map 4, the tracer's own rounded vertices 1, two more for the
+/// origin's last additions; the second term is an instance's ray, which the tracer takes to object space by a rounded inverse (it is
+/// there for flattened objects as well: nobody here knows which is which). Only the part along the normal, box . |n_g|, makes a ray meet the surface it leaves,
+/// so that a floor at z = 0 keeps next to none however wide it is; 1/256 of the box's diagonal stands for what n_g itself is off, and a sliver adds
+/// what the tracer's own normal loses.
+///
+/// p is kept a few boxes away from the edges of its triangle, within the surface: where two faces meet in a corner, a rounded p might else lie behind the other
+/// face, and its rays would leak out.
 #pragma once
 
 #include "base/lanes.h"
@@ -10,13 +25,14 @@ namespace talbot::geometry {
 inline namespace TALBOT_ISA {  // kernels
 
 /// Fills p, n_s, n_g, backfacing, primitive, object, u, v of `out` for hits[index[i]], i < n, given wo (already in out.wo).
-/// Positions come from the triangle's vertices, not from o + t d. `error[i]` bounds the distance between the computed and the exact position, m.
+/// Positions come from the triangle's vertices, not from o + t d. `error[i]`, m, bounds how far p is from the traced triangle along n_g (see above).
+/// n_s falls back to n_g where the triangle is flat or the interpolated normal vanishes. Every lane must be a hit.
 void shade_points(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, shader::ShadingSpan& out, float* error);
 
-/// shader handle of each hit (material slot resolved), -1 never.
+/// Shader handle of each hit (material slot resolved), never -1. Every lane must be a hit.
 void hit_shaders(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, int32_t* shader);
 
-/// Moves p off the surface to the side of `direction`, by the position's error bound: no acne and no leaks at any scale.
+/// Moves p off the surface to the side of `direction`, by the position's error bound: no acne and no leaks at any scale. `origin` may be p itself.
 void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, const float* error, int n, Columns3 origin);
 
 }  // namespace TALBOT_ISA

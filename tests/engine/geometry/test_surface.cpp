@@ -1,0 +1,368 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "geometry/shapes.h"
+
+namespace talbot::geometry {
+namespace {
+
+/// A shading span with its columns.
+struct Span {
+    static constexpr int kColumns = 15;
+    std::vector<float> floats;
+    std::vector<int32_t> ints;
+    std::vector<float> error;
+    shader::ShadingSpan span;
+
+    explicit Span(int n) : floats(size_t(n) * kColumns), ints(size_t(n) * 4), error(size_t(n)) {
+        size_t next = 0;
+        const auto take = [&] { return floats.data() + size_t(n) * next++; };
+        for (Columns3* c : {&span.p, &span.n_s, &span.n_g, &span.wo}) *c = {take(), take(), take()};
+        span.u = take();
+        span.v = take();
+        span.object = ints.data();
+        span.primitive = span.object + n;
+        span.backfacing = span.primitive + n;
+        span.n = n;
+    }
+};
+
+/// Shades all hits of the rays; `hit` receives their lanes.
+Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
+    hit.clear();
+    for (int i = 0; i < rays.size(); ++i)
+        if (rays.object[size_t(i)] >= 0) hit.push_back(i);
+    Span s(int(hit.size()));
+    for (int i = 0; i < s.span.n; ++i) {
+        const size_t lane = size_t(hit[size_t(i)]);
+        store(s.span.wo, i, -Vec3{rays.d[0][lane], rays.d[1][lane], rays.d[2][lane]});
+    }
+    shade_points(world.tables.view, rays.hits(), hit.data(), s.span.n, s.span, s.error.data());
+    return s;
+}
+
+struct Double3 {
+    double x, y, z;
+};
+Double3 operator-(Double3 a, Double3 b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+double dot(Double3 a, Double3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+Double3 cross(Double3 a, Double3 b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+Double3 to_double(const Affine& m, Vec3 p) {
+    const auto row = [&](int r) { return double(m.m[r][0]) * p.x + double(m.m[r][1]) * p.y + double(m.m[r][2]) * p.z + m.m[r][3]; };
+    return {row(0), row(1), row(2)};
+}
+
+struct Placing {
+    std::string name;
+    Vec3 translation;
+    Vec3 scale;
+    float angle;
+};
+std::vector<Placing> placings() {
+    std::vector<Placing> all;
+    for (float size : {1e-3f, 1.f, 1e5f}) {
+        all.push_back({"plain", {0, 0, 0}, vec3(size), 0});
+        all.push_back({"turned", {0.3f * size, -0.7f * size, 0.1f * size}, vec3(size), 0.7f});
+        all.push_back({"stretched", {0, 0, 0}, {size, 3 * size, 0.2f * size}, 1.1f});
+        all.push_back({"mirrored", {size, 0, 0}, {-size, size, 2 * size}, 0.4f});
+        all.push_back({"away", {300 * size, -500 * size, 900 * size}, vec3(size), 2.2f});
+    }
+    all.push_back({"far", {1e6f, -1e6f, 5e5f}, vec3(10), 0.9f});
+    all.push_back({"farther", {0, 1e6f, 0}, {40, 10, 10}, 0.3f});
+    for (Placing& p : all) p.name += " x" + std::to_string(p.scale.x);
+    return all;
+}
+
+World place(const std::shared_ptr<scene::Mesh>& mesh, const Placing& p, bool instanced) {
+    World world;
+    world.add(mesh, translate_rotate_scale(p.translation, {1, 2, 3}, p.angle, p.scale));
+    if (instanced) world.add(mesh, translate_rotate_scale(p.translation * 3 + vec3(1000 * std::abs(p.scale.x)), {1, 0, 0}, 0, p.scale));
+    return world;
+}
+
+/// Rays from outside of the object towards points inside it.
+Rays rays_at(const World& world, int n, uint32_t seed) {
+    Rays rays;
+    std::mt19937 random(seed);
+    const Affine& m = world.scene.objects[0].to_world;
+    for (int i = 0; i < n; ++i) {
+        const Vec3 from = transform_point(m, random_direction(random) * 4), to = transform_point(m, random_direction(random) * 0.9f);
+        rays.add(from, normalize(to - from));
+    }
+    return rays;
+}
+
+/// The next rays from every shading point, in random directions on the side of n_g (side = 1) or below it (-1); every third at the
+/// given cosine.
+Rays leave(const Span& s, float side, uint32_t seed, float grazing = 1e-4f) {
+    std::mt19937 random(seed);
+    const int n = s.span.n;
+    std::vector<float> direction[3], origin[3];
+    for (auto* c : {direction, origin})
+        for (int r = 0; r < 3; ++r) c[r].resize(size_t(n));
+    const Columns3 d{direction[0].data(), direction[1].data(), direction[2].data()}, o{origin[0].data(), origin[1].data(), origin[2].data()};
+    for (int i = 0; i < n; ++i) {
+        const Vec3 normal = load(s.span.n_g, i) * side;
+        Vec3 w = random_direction(random);
+        if (talbot::dot(w, normal) < 0) w = -w;
+        if (i % 3 == 0) w = normalize(w - normal * (talbot::dot(w, normal) - grazing));
+        store(d, i, w);
+    }
+    offset_origin(s.span.p, s.span.n_g, d, s.error.data(), n, o);
+    Rays rays;
+    for (int i = 0; i < n; ++i) rays.add(load(o, i), load(d, i));
+    return rays;
+}
+
+TEST(Surface, ConvexShapesNeitherShadowThemselvesNorLeak) {
+    for (const auto& mesh : {sphere(3), box()}) {
+        for (const Placing& p : placings()) {
+            for (bool instanced : {false, true}) {
+                World world = place(mesh, p, instanced);
+                Accelerator accelerator;
+                accelerator.build(world.view(), {});
+                Rays rays = rays_at(world, 20000, 1);
+                rays.trace(accelerator, {8, false});
+                std::vector<int32_t> hit;
+                const Span s = shade(world, rays, hit);
+                ASSERT_GT(s.span.n, 10000);
+                Rays outside = leave(s, 1, 2), inside = leave(s, -1, 3);
+                outside.trace(accelerator, {8, false});
+                inside.trace(accelerator, {8, false});
+                int self_hits = 0, leaks = 0;
+                for (size_t i = 0; i < size_t(s.span.n); ++i) {
+                    self_hits += outside.object[i] == 0;
+                    leaks += inside.object[i] != 0;
+                }
+                EXPECT_EQ(self_hits, 0) << p.name << (instanced ? " instanced, " : " flattened, ") << mesh->triangle_count();
+                EXPECT_EQ(leaks, 0) << p.name << (instanced ? " instanced, " : " flattened, ") << mesh->triangle_count();
+            }
+        }
+    }
+}
+
+TEST(Surface, ClosedRoomKeepsPathsIn) {
+    // Paths that bounce about inside a box for long meet its edges and corners; none may get out. (Rays within 1e-3 of parallel to
+    // an edge, as close to it as 1e-5 of its length, are beyond the tracer's edge test in single precision.)
+    for (const Placing& p : placings()) {
+        for (bool instanced : {false, true}) {
+            World world = place(box(), p, instanced);
+            Accelerator accelerator;
+            accelerator.build(world.view(), {});
+            const Affine& m = world.scene.objects[0].to_world;
+            Rays rays;
+            std::mt19937 random(4);
+            for (int i = 0; i < 2000; ++i) rays.add(transform_point(m, random_direction(random) * 0.5f), random_direction(random));
+            int leaks = 0;
+            for (uint32_t bounce = 0; bounce < 40 && rays.size() > 0; ++bounce) {
+                rays.trace(accelerator, {8, false});
+                std::vector<int32_t> hit;
+                const Span s = shade(world, rays, hit);
+                leaks += rays.size() - s.span.n;
+                rays = leave(s, 1, bounce, 0.02f);
+            }
+            EXPECT_EQ(leaks, 0) << p.name << (instanced ? " instanced" : " flattened");
+        }
+    }
+}
+
+TEST(Surface, ErrorBoundsTheDistanceToTheSurface) {
+    for (const Placing& p : placings()) {
+        World world = place(sphere(2), p, false);
+        Accelerator accelerator;
+        accelerator.build(world.view(), {});
+        Rays rays = rays_at(world, 5000, 5);
+        rays.trace(accelerator, {8, false});
+        std::vector<int32_t> hit;
+        const Span s = shade(world, rays, hit);
+        const scene::Mesh& mesh = *world.scene.meshes[0];
+        const Affine& m = world.scene.objects[0].to_world;
+        double largest = 0;
+        for (int i = 0; i < s.span.n; ++i) {
+            const uint32_t* t = mesh.triangle_vertices.data() + 3 * s.span.primitive[i];
+            const Double3 a = to_double(m, mesh.positions[t[0]]), b = to_double(m, mesh.positions[t[1]]), c = to_double(m, mesh.positions[t[2]]);
+            const Vec3 q = load(s.span.p, i);
+            const Double3 n = cross(b - a, c - a), x = Double3{q.x, q.y, q.z} - a;
+            const double distance = std::abs(dot(x, n)) / std::sqrt(dot(n, n));
+            ASSERT_LE(distance, double(s.error[size_t(i)])) << p.name;
+            largest = std::max(largest, distance / double(s.error[size_t(i)]));
+            // And p is where u and v say, but for what keeps it off the edges.
+            const double u = s.span.u[i], v = s.span.v[i], w = 1 - u - v;
+            const double dx = w * a.x + u * b.x + v * c.x - q.x, dy = w * a.y + u * b.y + v * c.y - q.y, dz = w * a.z + u * b.z + v * c.z - q.z;
+            const double size = double(std::abs(p.scale.x)) + double(length(p.translation));
+            ASSERT_LE(std::sqrt(dx * dx + dy * dy + dz * dz), 3e-5 * size) << p.name;
+        }
+        EXPECT_GT(largest, 1e-3) << p.name << ": the bound is far too wide";
+    }
+}
+
+TEST(Surface, FlatFloorHasHardlyAnErrorAlongItsNormal) {
+    World world;
+    world.add(make_mesh({{-1e4f, -1e4f, 0}, {1e4f, -1e4f, 0}, {0, 1e4f, 0}}, {0, 1, 2}));
+    Accelerator accelerator;
+    accelerator.build(world.view(), {});
+    Rays rays;
+    rays.add({3, 4, 10}, {0, 0, -1});
+    rays.trace(accelerator, {1, false});
+    std::vector<int32_t> hit;
+    const Span s = shade(world, rays, hit);
+    ASSERT_EQ(s.span.n, 1);
+    EXPECT_LT(s.error[0], 1e-4f);
+    EXPECT_GT(s.error[0], 0);
+    EXPECT_EQ(s.span.p.z[0], 0);
+}
+
+TEST(Surface, SliversAndTinyTrianglesDoNotShadowThemselves) {
+    std::mt19937 random(9);
+    std::uniform_real_distribution<float> uniform(-1, 1);
+    for (float thin : {1e-1f, 1e-2f, 1e-3f, 1e-4f, 1e-5f, 1e-6f}) {
+        for (float size : {1e-6f, 1.f, 1e4f}) {
+            int self_hits = 0, shaded = 0;
+            for (int k = 0; k < 300; ++k) {
+                const Vec3 a = Vec3{uniform(random), uniform(random), uniform(random)} * size, along = random_direction(random) * size;
+                const Vec3 b = a + along, c = a + along * 0.3f + random_direction(random) * (thin * size);
+                World world;
+                world.add(make_mesh({a, b, c}, {0, 1, 2}));
+                Accelerator accelerator;
+                accelerator.build(world.view(), {});
+                Rays rays;
+                const Vec3 middle = (a + b + c) * (1.f / 3);
+                for (int i = 0; i < 20; ++i) {
+                    const Vec3 d = random_direction(random);
+                    rays.add(middle - d * (3 * size), d);
+                }
+                rays.trace(accelerator, {8, false});
+                std::vector<int32_t> hit;
+                const Span s = shade(world, rays, hit);
+                if (s.span.n == 0) continue;
+                shaded += s.span.n;
+                for (float side : {1.f, -1.f}) {
+                    Rays next = leave(s, side, uint32_t(k));
+                    next.trace(accelerator, {8, false});
+                    for (int32_t object : next.object) self_hits += object == 0;
+                }
+            }
+            EXPECT_GT(shaded, 50) << thin << " " << size;
+            // Below 1e-5 the offset would be larger than what it mends is worth (surface.cpp caps it).
+            EXPECT_LE(self_hits, thin > 2e-5f ? 0 : shaded / 500) << thin << " " << size << " of " << shaded;
+        }
+    }
+}
+
+TEST(Surface, NormalsPointOutAndFaceTheViewer) {
+    for (const Placing& p : placings()) {
+        World world = place(sphere(3), p, false);
+        Accelerator accelerator;
+        accelerator.build(world.view(), {});
+        const Affine& m = world.scene.objects[0].to_world;
+        const Affine inv = world.tables.objects[0].to_object;
+        for (bool from_inside : {false, true}) {
+            Rays rays;
+            std::mt19937 random(6);
+            for (int i = 0; i < 300; ++i) {
+                const Vec3 d = random_direction(random), from = transform_point(m, d * (from_inside ? 0.1f : 3.f)), to = transform_point(m, vec3(0));
+                rays.add(from, normalize(from_inside ? from - to : to - from));
+            }
+            rays.trace(accelerator, {8, false});
+            std::vector<int32_t> hit;
+            const Span s = shade(world, rays, hit);
+            ASSERT_GT(s.span.n, 290);
+            for (int i = 0; i < s.span.n; ++i) {
+                EXPECT_EQ(s.span.backfacing[i], from_inside);
+                EXPECT_GT(talbot::dot(load(s.span.n_g, i), load(s.span.wo, i)), 0);
+                EXPECT_NEAR(length(load(s.span.n_g, i)), 1, 1e-5);
+                EXPECT_NEAR(length(load(s.span.n_s, i)), 1, 1e-5);
+                // Smooth: the sphere's normal at the barycentric point, by the inverse transpose.
+                const scene::Mesh& mesh = *world.scene.meshes[0];
+                const uint32_t* t = mesh.triangle_vertices.data() + 3 * s.span.primitive[i];
+                const float u = s.span.u[i], v = s.span.v[i];
+                const Vec3 object = mesh.positions[t[0]] * (1 - u - v) + mesh.positions[t[1]] * u + mesh.positions[t[2]] * v;
+                const Vec3 expected = normalize(transform_normal(inv, object)) * (from_inside ? -1.f : 1.f);
+                EXPECT_LT(length(load(s.span.n_s, i) - expected), 1e-3f) << p.name;
+            }
+        }
+    }
+}
+
+TEST(Surface, FlatCornerAndBrokenNormals) {
+    auto mesh = make_mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {2, 0, 0}, {2, 1, 0}, {3, 0, 0}, {3, 1, 0}}, {0, 1, 2, 1, 3, 2, 1, 4, 5, 4, 6, 7});
+    const Vec3 up{0, 0, 1}, tilted = normalize({1, 0, 1});
+    mesh->vertex_normals.assign(8, normalize({0, 1, 1}));
+    mesh->triangle_corners = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    mesh->corner_normals.assign(12, tilted);
+    for (size_t i = 9; i < 12; ++i) mesh->corner_normals[i] = {0, 0, 0};
+    mesh->triangle_smooth = {1, 0, 1, 1};
+    mesh->triangle_materials = {0, 1, 7, 0};
+    World world;
+    world.add(mesh);
+    world.scene.material_sets = {{2, 3}};
+    world.scene.shaders.resize(5);
+    world.scene.objects[0].material_set = 0;
+    Accelerator accelerator;
+    accelerator.build(world.view(), {});
+    Rays rays;
+    for (Vec3 at : {Vec3{0.2f, 0.2f, 1}, {0.8f, 0.8f, 1}, {1.8f, 0.5f, 1}, {2.8f, 0.5f, 1}}) rays.add(at, {0, 0, -1});
+    rays.trace(accelerator, {8, false});
+    std::vector<int32_t> hit;
+    Span s = shade(world, rays, hit);
+    ASSERT_EQ(s.span.n, 4);
+    EXPECT_LT(length(load(s.span.n_s, 0) - tilted), 1e-6f);
+    EXPECT_LT(length(load(s.span.n_s, 1) - up), 1e-6f);
+    EXPECT_LT(length(load(s.span.n_s, 2) - tilted), 1e-6f);
+    EXPECT_LT(length(load(s.span.n_s, 3) - up), 1e-6f);
+    int32_t shader[4];
+    hit_shaders(world.tables.view, rays.hits(), hit.data(), 4, shader);
+    EXPECT_EQ(shader[0], 2);
+    EXPECT_EQ(shader[1], 3);
+    EXPECT_EQ(shader[2], 3);
+    EXPECT_EQ(shader[3], 2);
+
+    mesh = std::make_shared<scene::Mesh>(*mesh);
+    mesh->corner_normals.clear();
+    world.scene.meshes[0] = mesh;
+    accelerator.build(world.view(), {});
+    rays.trace(accelerator, {8, false});
+    s = shade(world, rays, hit);
+    EXPECT_LT(length(load(s.span.n_s, 0) - mesh->vertex_normals[0]), 1e-6f);
+}
+
+TEST(Surface, LanesDoNotDependOnTheirNeighbours) {
+    World world;
+    const auto shared = sphere(2);
+    for (int i = 0; i < 6; ++i) {
+        const float x = 2.5f * float(i % 3), y = 2.5f * float(i / 3);
+        world.add(i % 2 ? shared : box(), translate_rotate_scale({x, y, 0}, {1, 2, 3}, x + y, {1, i == 4 ? -1.f : 1.f, 0.7f}));
+    }
+    Accelerator accelerator;
+    accelerator.build(world.view(), {});
+    Rays rays;
+    std::mt19937 random(8);
+    std::uniform_real_distribution<float> uniform(-1, 6);
+    for (int i = 0; i < 2000; ++i) rays.add({uniform(random), uniform(random) * 0.6f, 5}, normalize(Vec3{0, 0, -1} + random_direction(random) * 0.3f));
+    rays.trace(accelerator, {8, false});
+    std::vector<int32_t> hit;
+    const Span all = shade(world, rays, hit);
+    ASSERT_GT(all.span.n, 500);
+    for (int i = 0; i < all.span.n; ++i) {
+        Span one(1);
+        store(one.span.wo, 0, load(all.span.wo, i));
+        shade_points(world.tables.view, rays.hits(), &hit[size_t(i)], 1, one.span, one.error.data());
+        // The uniform and the mixed loop may contract differently: rounding only.
+        EXPECT_LT(length(load(one.span.p, 0) - load(all.span.p, i)), 2e-6f);
+        EXPECT_LT(length(load(one.span.n_s, 0) - load(all.span.n_s, i)), 2e-6f);
+        EXPECT_EQ(one.span.backfacing[0], all.span.backfacing[i]);
+        EXPECT_EQ(one.span.object[0], all.span.object[i]);
+        EXPECT_NEAR(one.error[0], all.error[size_t(i)], 1e-9f);
+    }
+}
+
+}  // namespace
+}  // namespace talbot::geometry
