@@ -25,55 +25,8 @@ int automatic_width(const scene::Scene& scene, const shader::ShaderContext& cont
 
 }  // namespace
 
-float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
-                const std::atomic<bool>* cancel, EmitterTable& table) {
-    EmitterSummary& summary = table.summary;
-    summary.world_visibility = scene.world.visibility;
-    summary.world_is_black = true;
-    table.view.world_visibility = int32_t(scene.world.visibility);
-    table.view.world_max_bounces = scene.world.max_bounces;
-    const scene::Handle handle = scene.world.shader;
-    if (handle < 0 || size_t(handle) >= programs.shaders.size() || scene.world.visibility == 0) return 0;
-    const shader::CompiledShader& compiled = programs.shaders[size_t(handle)];
-    if (compiled.emission_is_constant) {
-        summary.world_is_constant = true;
-        summary.constant_world = compiled.constant_emission;
-        const Rgb c = compiled.constant_emission;
-        summary.world_is_black = c.x == 0 && c.y == 0 && c.z == 0;
-        summary.world_shader = handle;
-        return 0;
-    }
-    if (compiled.emission < 0) return 0;
-    summary.world_is_black = false;
-    summary.world_shader = handle;
-    table.view.world_shader = handle;
-    if (!scene.world.use_importance_map || !scene.world.sample_as_light) return 0;
-
-    // Luminance at twice the map's resolution.
-    const int asked = scene.world.map_resolution > 0 ? scene.world.map_resolution : automatic_width(scene, context);
-    const int width = std::clamp(asked, 8, 4096) & ~1, height = width / 2;
+float make_world_map(const std::vector<float>& fine, int width, int height, EmitterTable& table) {
     const int fine_width = 2 * width, fine_height = 2 * height;
-    std::vector<float> fine(size_t(fine_width) * size_t(fine_height));
-    pool.parallel_for(size_t(fine_height), 8, [&](size_t begin, size_t end, int) {
-        std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
-        std::vector<float> buffer(size_t(6 * kSpan));
-        LightScratch scratch;
-        scratch.registers = registers.data();
-        scratch.columns = columns.data();
-        float* b = buffer.data();
-        const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
-        for (size_t row = begin; row < end; ++row) {
-            if (cancel && cancel->load()) throw Cancelled{};
-            for (int x0 = 0; x0 < fine_width; x0 += kSpan) {
-                const int n = std::min(kSpan, fine_width - x0);
-                const float v = (float(row) + 0.5f) / float(fine_height);
-                for (int i = 0; i < n; ++i) store(direction, i, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v));
-                evaluate_background(programs, context, scratch, handle, direction, nullptr, n, radiance);
-                for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
-            }
-        }
-    });
-
     // Weight of a cell: its own samples, and as much again from a border of one sample around it, because what interpolation spreads beyond a
     // bright texel's cell must stay reachable.
     std::vector<double> weight(size_t(width) * size_t(height));
@@ -141,6 +94,58 @@ float add_world(const scene::Scene& scene, const shader::Programs& programs, con
     table.view.world.width = width;
     table.view.world.height = height;
     return float(average);
+}
+
+float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
+                const std::atomic<bool>* cancel, EmitterTable& table) {
+    EmitterSummary& summary = table.summary;
+    summary.world_visibility = scene.world.visibility;
+    summary.world_is_black = true;
+    table.view.world_visibility = int32_t(scene.world.visibility);
+    table.view.world_max_bounces = scene.world.max_bounces;
+    const scene::Handle handle = scene.world.shader;
+    if (handle < 0 || size_t(handle) >= programs.shaders.size() || scene.world.visibility == 0) return 0;
+    const shader::CompiledShader& compiled = programs.shaders[size_t(handle)];
+    if (compiled.emission_is_constant) {
+        summary.world_is_constant = true;
+        summary.constant_world = compiled.constant_emission;
+        const Rgb c = compiled.constant_emission;
+        summary.world_is_black = c.x == 0 && c.y == 0 && c.z == 0;
+        summary.world_shader = handle;
+        return 0;
+    }
+    if (compiled.emission < 0) return 0;
+    summary.world_is_black = false;
+    summary.world_shader = handle;
+    table.view.world_shader = handle;
+    if (!scene.world.use_importance_map || !scene.world.sample_as_light) return 0;
+
+    // Luminance at twice the map's resolution.
+    const int asked = scene.world.map_resolution > 0 ? scene.world.map_resolution : automatic_width(scene, context);
+    const int width = std::clamp(asked, 8, 4096) & ~1, height = width / 2;
+    const int fine_width = 2 * width, fine_height = 2 * height;
+    std::vector<float> fine(size_t(fine_width) * size_t(fine_height));
+    pool.parallel_for(size_t(fine_height), 8, [&](size_t begin, size_t end, int) {
+        std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
+        std::vector<float> buffer(size_t(6 * kSpan));
+        LightScratch scratch;
+        scratch.registers = registers.data();
+        scratch.columns = columns.data();
+        float* b = buffer.data();
+        const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+        for (size_t row = begin; row < end; ++row) {
+            if (cancel && cancel->load()) throw Cancelled{};
+            for (int x0 = 0; x0 < fine_width; x0 += kSpan) {
+                const int n = std::min(kSpan, fine_width - x0);
+                const float v = (float(row) + 0.5f) / float(fine_height);
+                for (int i = 0; i < n; ++i) store(direction, i, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v));
+                evaluate_background(programs, context, scratch, handle, direction, nullptr, n, radiance);
+                for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
+            }
+        }
+    });
+
+    return make_world_map(fine, width, height, table);
 }
 
 }  // namespace talbot::light

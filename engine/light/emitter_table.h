@@ -189,6 +189,9 @@ std::vector<AliasEntry> make_alias(const std::vector<double>& weights);
 void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Report& report, EmitterTable& table);
 void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report,
                 const std::atomic<bool>* cancel, EmitterTable& table);
+/// The map from luminance on a grid of 2 width x 2 height cell centres, row 0 at +Z. Returns the mean, 0 when the sky is black or (almost) uniform and
+/// no map is made.
+float make_world_map(const std::vector<float>& fine, int width, int height, EmitterTable& table);
 /// Mean radiance of the world's map, 0 when the world is constant or not sampled.
 float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
                 const std::atomic<bool>* cancel, EmitterTable& table);
