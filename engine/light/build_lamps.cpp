@@ -42,7 +42,7 @@ LampShader lamp_shader(const scene::Light& light, const shader::Programs& progra
 }
 
 /// Directions in the frame of a spot's cone: today's spots are squeezed with their object, 3.4's are not.
-void set_cone_frame(const Affine& to_world, bool today, float out[9]) {
+ConeFrame cone_frame(const Affine& to_world, bool today) {
     Affine m = to_world;
     if (!today) {
         const Vec3 z = any_unit(column(to_world, 2), {0, 0, 1});
@@ -56,9 +56,8 @@ void set_cone_frame(const Affine& to_world, bool today, float out[9]) {
         }
     }
     const Affine inv = inverse(m);
-    for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) out[3 * r + c] = inv.m[r][c];
-    }
+    const auto row = [&](int r) { return Vec3{inv.m[r][0], inv.m[r][1], inv.m[r][2]}; };
+    return {row(0), row(1), row(2)};
 }
 
 /// True when the map keeps angles: rotation, mirroring and uniform scale.
@@ -85,7 +84,7 @@ void add_point_or_spot(const scene::Light& light, bool today, Lamp& lamp, Reach&
     }
     reach.center = lamp.center;
     reach.radius = r;
-    set_cone_frame(light.to_world, today, lamp.to_local);
+    lamp.cone = cone_frame(light.to_world, today);
     if (light.type != scene::LightType::Spot) return;
 
     const double half = std::clamp(double(light.spot_angle) * 0.5, 1e-4, pi / 2);
@@ -100,7 +99,7 @@ void add_point_or_spot(const scene::Light& light, bool today, Lamp& lamp, Reach&
     reach.kind = ReachKind::Spot;
     reach.cos_limit = lamp.cos_outer;
     reach.inv_smooth = lamp.inv_smooth;
-    std::copy(lamp.to_local, lamp.to_local + 9, reach.to_local);
+    reach.cone = lamp.cone;
 }
 
 void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp, Reach& reach, Rect& rect) {
@@ -141,7 +140,7 @@ void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp,
     reach.center = rect.center;
     reach.radius = ellipse ? std::max(rect.half_x, rect.half_y) : std::hypot(rect.half_x, rect.half_y);
     reach.axis = rect.normal;
-    reach.flat = true;
+    reach.behind = 0;
     reach.strength *= mean(lamp.power) * float(area);
 }
 

@@ -112,14 +112,15 @@ void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector
         return;
     }
 
-    reach.two_sided = set.sides == 3;
+    const bool two_sided = set.sides == 3;
+    reach.two_sided = two_sided ? 1.0f : 0.0f;
     Vec3 sum;
     double weight = 0;
     for (int32_t k = 0; k < set.count; ++k) {
         const LightTriangle& t = table.triangles[size_t(set.first + k)];
         double area = 0;
         Vec3 n = front_normal(t, m, emitter.front_sign, area);
-        if (set.sides == 2 || (reach.two_sided && dot(n, sum) < 0)) n = -n;
+        if (set.sides == 2 || (two_sided && dot(n, sum) < 0)) n = -n;
         sum = sum + n * float(area);
         weight += area * double(emissive[size_t(t.shader)].estimate);
     }
@@ -129,12 +130,12 @@ void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector
     for (int32_t k = 0; k < set.count; ++k) {
         double area = 0;
         const float c = dot(front_normal(table.triangles[size_t(set.first + k)], m, emitter.front_sign, area), reach.axis);
-        if (area > 0) cos_normals = std::min(cos_normals, reach.two_sided ? std::abs(c) : set.sides == 2 ? -c : c);
+        if (area > 0) cos_normals = std::min(cos_normals, two_sided ? std::abs(c) : set.sides == 2 ? -c : c);
     }
     if (cos_normals < 0.5f) return;
     reach.kind = ReachKind::Oriented;
     reach.strength = float(weight);
-    reach.flat = cos_normals > 1 - 1e-6f && !reach.two_sided;
+    if (cos_normals > 1 - 1e-6f && !two_sided) reach.behind = 0;
     // A little wider than computed: rounding must not cut off what grazes.
     reach.cos_normals = std::max(cos_normals - 1e-4f, 0.0f);
     reach.sin_normals = std::sqrt(1 - reach.cos_normals * reach.cos_normals);

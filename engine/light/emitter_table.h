@@ -31,6 +31,11 @@ enum class ReachKind : int32_t {
     Spot,
 };
 
+/// Directions in the frame of a spot's cone, which opens along -Z: component = row . direction.
+struct ConeFrame {
+    Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
+};
+
 /// Estimate of an emitter's irradiance at a point, from its bounding sphere: never 0 where the emitter lights the point.
 struct Reach {
     ReachKind kind = ReachKind::Isotropic;
@@ -40,13 +45,13 @@ struct Reach {
     float strength = 0;     ///< irradiance (luminance, mean of channels) at distance 1 along the axis
     float cos_normals = 1;  ///< half angle of the cone about the axis that holds all normals
     float sin_normals = 0;
-    bool two_sided = false;
-    bool flat = false;  ///< one-sided and planar: nothing behind the plane
+    float two_sided = 0;      ///< 1: the axis counts in both directions
+    float behind = -2;        ///< nothing where the cosine to the axis is at most this: 0 for one-sided planes
     float cos_limit = 0;  ///< spread or spot: no emission beyond this angle from a normal
     float inv_tan_limit = 0;
     float gain = 1;  ///< of the spread on its axis
     float inv_smooth = 0;  ///< spot: see Lamp
-    float to_local[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    ConeFrame cone;
 };
 
 /// Rectangle c + x axis_x + y axis_y, |x| <= half_x, |y| <= half_y; or the ellipse in it. The axes and the normal are orthonormal.
@@ -70,7 +75,7 @@ struct Lamp {
     float cos_outer = -1;  ///< spot: smoothstep of (c - cos_outer) inv_smooth
     float inv_smooth = 0;
     float inv_tan_outer = 0;  ///< for texture coordinates
-    float to_local[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< direction in the frame of the cone
+    ConeFrame cone;
     int32_t kind = 0;
     int32_t rect = -1;
     int32_t emitter = -1;  ///< in the list of local emitters; -1: not sampled (no power)

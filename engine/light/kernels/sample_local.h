@@ -38,9 +38,7 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
 
 /// Texture coordinates of point and spot lamps by direction; of area lamps, 0..1 over the rectangle.
 TALBOT_INLINE void lamp_coordinates(const Lamp& lamp, Vec3 away, float& u, float& v) {
-    const float* m = lamp.to_local;
-    const Vec3 d = normalize(Vec3{m[0] * away.x + m[1] * away.y + m[2] * away.z, m[3] * away.x + m[4] * away.y + m[5] * away.z,
-                                  m[6] * away.x + m[7] * away.y + m[8] * away.z});
+    const Vec3 d = normalize(Vec3{dot(lamp.cone.x, away), dot(lamp.cone.y, away), dot(lamp.cone.z, away)});
     const float inv_z = 1.0f / maxf(-d.z, 1e-6f);
     const bool spot = lamp.is_spot != 0.0f;
     u = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.x * inv_z : 0.5f - lane_atan2(d.x, d.y) * (0.5f * kInvPi);

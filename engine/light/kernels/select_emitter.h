@@ -25,18 +25,17 @@ TALBOT_INLINE float reach_at(const Reach& r, Vec3 p) {
     float c = 0.0f;
     if constexpr (kind == ReachKind::Oriented) {
         c = dot(d, r.axis) * inv_d;
-        c = r.two_sided ? lane_abs(c) : c;
+        c = r.two_sided > 0.0f ? lane_abs(c) : c;
         const float front = c;
         c = cos_of_difference(c, safe_sqrt(1.0f - c * c), r.cos_normals, r.sin_normals);
         c = cos_of_difference(c, safe_sqrt(1.0f - c * c), cos_size, sin_size);
         c = near ? 1.0f : c;
         const float tan = safe_sqrt(1.0f - c * c) / maxf(c, 1e-6f);
         const float lit = c * r.gain * maxf(1.0f - tan * r.inv_tan_limit, 0.02f);
-        const bool beyond = (c <= r.cos_limit - 1e-5f) | (c <= 0.0f) | (r.flat & (front <= 0.0f));
-        return beyond ? 0.0f : plain * lit;
+        const float shining = minf(minf(c - r.cos_limit + 1e-5f, c), front - r.behind);
+        return shining > 0.0f ? plain * lit : 0.0f;
     } else {
-        const float* m = r.to_local;
-        const float x = m[0] * d.x + m[1] * d.y + m[2] * d.z, y = m[3] * d.x + m[4] * d.y + m[5] * d.z, z = m[6] * d.x + m[7] * d.y + m[8] * d.z;
+        const float x = dot(r.cone.x, d), y = dot(r.cone.y, d), z = dot(r.cone.z, d);
         c = clampf(-z / maxf(std::sqrt(x * x + y * y + z * z), 1e-30f), -1.0f, 1.0f);
         c = cos_of_difference(c, safe_sqrt(1.0f - c * c), cos_size, sin_size);
         c = near ? 1.0f : c;

@@ -33,16 +33,17 @@ struct RectView {
     float k = 0;
     float solid_angle = 0;
     float inv_area = 0;  ///< 1 / area that area sampling covers
-    bool visible = false;
-    bool by_angle = false;
-    bool by_ellipse = false;
+    // Conditions are the signs of floats: loops with conditions made of several comparisons do not vectorise (g++ 12).
+    float visible = 0;     ///< > 0: there is something to see
+    float by_angle = 0;    ///< > 0: sampled by solid angle
+    float by_ellipse = 0;  ///< > 0: (else) the whole ellipse is sampled by area
 };
 
 TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     RectView v;
     const Vec3 d = r.center - o;
     const float h = -dot(d, r.normal);
-    v.side = r.two_sided != 0.0f && h < 0.0f ? -1.0f : 1.0f;
+    v.side = h * r.two_sided < 0.0f ? -1.0f : 1.0f;
     v.z = h * v.side;
     v.x = dot(d, r.axis_x);
     v.y = dot(d, r.axis_y);
@@ -51,7 +52,7 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     v.x1 = minf(v.x + r.half_x, reach);
     v.y0 = maxf(v.y - r.half_y, -reach);
     v.y1 = minf(v.y + r.half_y, reach);
-    v.visible = (v.z > 0.0f) & (v.x1 > v.x0) & (v.y1 > v.y0);
+    v.visible = minf(v.z, minf(v.x1 - v.x0, v.y1 - v.y0));
     const float clipped = (v.x1 - v.x0) * (v.y1 - v.y0);
     const float ellipse = kPi * r.half_x * r.half_y;
 
@@ -68,22 +69,21 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     v.n2 = n2;
     v.k = kTwoPi - g2 - g3;
     v.solid_angle = (g0 - v.k) + g1;
-    const bool round = r.is_ellipse != 0.0f;
-    v.by_angle = v.solid_angle > (round ? kEllipseBySolidAngle : kRectBySolidAngle);
-    v.by_ellipse = round & !v.by_angle & (ellipse <= clipped);
-    v.inv_area = 1.0f / maxf(v.by_ellipse ? ellipse : clipped, 1e-37f);
+    v.by_angle = v.solid_angle - (r.is_ellipse > 0.0f ? kEllipseBySolidAngle : kRectBySolidAngle);
+    v.by_ellipse = r.is_ellipse > 0.0f ? clipped - ellipse : 0.0f;
+    v.inv_area = 1.0f / maxf(v.by_ellipse > 0.0f ? ellipse : clipped, 1e-37f);
     return v;
 }
 
 TALBOT_INLINE bool inside_ellipse(const Rect& r, float a, float b) {
     const float ex = a / maxf(r.half_x, 1e-30f), ey = b / maxf(r.half_y, 1e-30f);
-    return r.is_ellipse == 0.0f || ex * ex + ey * ey <= 1.0f;
+    return (ex * ex + ey * ey) * r.is_ellipse <= 1.0f;
 }
 
 TALBOT_INLINE float pdf_rect(const RectView& v, float distance) {
     const float by_area = distance * distance * distance * v.inv_area / maxf(v.z, 1e-30f);
-    const float pdf = v.by_angle ? 1.0f / v.solid_angle : by_area;
-    return v.visible ? pdf : 0.0f;
+    const float pdf = v.by_angle > 0.0f ? 1.0f / v.solid_angle : by_area;
+    return v.visible > 0.0f ? pdf : 0.0f;
 }
 
 TALBOT_INLINE ShapeSample sample_rect(const Rect& r, const RectView& v, float u0, float u1) {
@@ -91,9 +91,9 @@ TALBOT_INLINE ShapeSample sample_rect(const Rect& r, const RectView& v, float u0
     const float au = u0 * v.solid_angle + v.k;
     float sine, cosine;
     lane_sincos(au, sine, cosine);
-    const float fu = (cosine * v.n0 - v.n2) / (lane_abs(sine) < 1e-12f ? 1e-12f : sine);
+    const float fu = (cosine * v.n0 - v.n2) / lane_copysign(maxf(lane_abs(sine), 1e-12f), sine);
     const float w2 = maxf(fu * fu + v.n0 * v.n0, 1.0f);
-    const float xu = (fu > 0.0f ? v.z : -v.z) / std::sqrt(maxf(w2 - 1.0f, 1e-12f));
+    const float xu = lane_copysign(v.z, fu) / std::sqrt(maxf(w2 - 1.0f, 1e-12f));
     const float xs = clampf(xu, v.x0, v.x1);
     const float d2 = xs * xs + v.z * v.z;
     const float d = std::sqrt(d2);
@@ -107,7 +107,8 @@ TALBOT_INLINE ShapeSample sample_rect(const Rect& r, const RectView& v, float u0
     const float radius = std::sqrt(u0);
     const float xe = v.x + r.half_x * radius * cp, ye = v.y + r.half_y * radius * sp;
 
-    const float x = v.by_angle ? xs : (v.by_ellipse ? xe : xr), y = v.by_angle ? ys : (v.by_ellipse ? ye : yr);
+    const float xa = v.by_ellipse > 0.0f ? xe : xr, ya = v.by_ellipse > 0.0f ? ye : yr;
+    const float x = v.by_angle > 0.0f ? xs : xa, y = v.by_angle > 0.0f ? ys : ya;
     const float t2 = x * x + y * y + v.z * v.z;
     ShapeSample s;
     s.distance = std::sqrt(t2);
@@ -241,13 +242,11 @@ TALBOT_INLINE ShapeSample sample_triangle(const TriangleView& t, float u0, float
 
 /// Intensity of a spot towards `away` (unit, from the lamp) relative to a point lamp's.
 TALBOT_INLINE float spot_profile(const Lamp& lamp, Vec3 away) {
-    const float* m = lamp.to_local;
-    const float x = m[0] * away.x + m[1] * away.y + m[2] * away.z, y = m[3] * away.x + m[4] * away.y + m[5] * away.z,
-                z = m[6] * away.x + m[7] * away.y + m[8] * away.z;
+    const float x = dot(lamp.cone.x, away), y = dot(lamp.cone.y, away), z = dot(lamp.cone.z, away);
     const float c = -z / maxf(std::sqrt(x * x + y * y + z * z), 1e-30f);
     const float t = saturate((c - lamp.cos_outer) * lamp.inv_smooth);
-    const float cone = t * t * (3.0f - 2.0f * t) * (lamp.axis_power != 0.0f ? maxf(c, 0.0f) : 1.0f);
-    return lamp.is_spot != 0.0f ? cone : 1.0f;
+    const float cone = t * t * (3.0f - 2.0f * t) * lerp(1.0f, maxf(c, 0.0f), lamp.axis_power);
+    return lerp(1.0f, cone, lamp.is_spot);
 }
 
 }  // namespace talbot::light

@@ -15,9 +15,8 @@ TALBOT_INLINE void find_interval(const float* __restrict running, const int32_t*
     for (; step > 0; step /= 2) {
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
-            const int32_t next = found[i] + step;
-            const int32_t probe = next < count ? next : count - 1;
-            found[i] = running[base[i] + probe] <= u[i] ? (next < count ? next : found[i]) : found[i];
+            const int32_t here = found[i], probe = here + step < count ? here + step : here;
+            found[i] = running[base[i] + probe] <= u[i] ? probe : here;
         }
     }
 }

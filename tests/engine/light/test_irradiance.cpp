@@ -64,8 +64,8 @@ TEST(Irradiance, SpotLampsMatchCycles) {
     const double old[] = {0.253294, 0.249446, 0.238019, 0.217819, 0.050204, 0.007133};
     for (int k = 0; k < 6; ++k) {
         const auto spot = [](auto& l) { l.radius = 0; };
-        // At the very edge the mean depends on the pixel filter's overhang.
-        const double tolerance = k == 5 ? 1.5e-2 : 1e-3;
+        // Near the edge the mean depends on the pixel filter's overhang.
+        const double tolerance = k == 5 ? 1.5e-2 : k == 4 ? 3e-3 : 1e-3;
         expect_near(plane(502, LightType::Spot, spot, float(angles[k]) * kDegree), today[k], tolerance, std::to_string(angles[k]));
         expect_near(plane(304, LightType::Spot, spot, float(angles[k]) * kDegree), old[k], tolerance, std::to_string(angles[k]));
     }
