@@ -24,18 +24,7 @@ talbot_wanted_packages() {
   fi
   if [ "$command" = test ]; then
     echo clang-format xvfb xauth
-    case " $* " in
-      *" --sanitize "*)
-        local release=
-        [ ! -r /etc/os-release ] || release=$(. /etc/os-release && echo "${VERSION_ID-}")
-        # clang's run-time libraries are in a package named after its version.
-        case $release in
-          12) echo clang libclang-rt-14-dev ;;
-          13) echo clang libclang-rt-19-dev ;;
-          *) echo clang ;;
-        esac
-        ;;
-    esac
+    case " $* " in *" --sanitize "*) echo clang libclang-rt-dev ;; esac
   fi
 }
 
