@@ -85,17 +85,17 @@ class TalbotRenderEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: Any) -> None:
         """Renders one view layer of a frame, or a preview."""
         job = preview.render if self.is_preview else final.render
-        scene = depsgraph.scene
+        scene = depsgraph.scene_eval
         if not self._guarded(scene, "ERROR", lambda: job(self, self.state.final, depsgraph)):
             self.state.final.close()
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
         """The scene changed, or a viewport starts."""
-        self._guarded_view(depsgraph.scene, lambda view: view.update(self, context, depsgraph))
+        self._guarded_view(depsgraph.scene_eval, lambda view: view.update(self, context, depsgraph))
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         """The viewport wants its picture."""
-        self._guarded_view(depsgraph.scene, lambda view: view.draw(self, context, depsgraph))
+        self._guarded_view(depsgraph.scene_eval, lambda view: view.draw(self, context, depsgraph))
 
     def _guarded(self, scene: Any, severity: str, action: Callable[[], None]) -> bool:
         try:

@@ -57,7 +57,7 @@ def result_of(engine: Any, width: int, height: int, layer_name: str) -> Iterator
 
 def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
     """Renders the depsgraph's view layer, every view of it (stereo), all passes."""
-    scene = depsgraph.scene
+    scene = depsgraph.scene_eval
     layer = depsgraph.view_layer_eval
     with result_of(engine, engine.resolution_x, engine.resolution_y, layer.name) as result:
         if not result.layers:
@@ -65,10 +65,10 @@ def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
         LayerRender(engine, state, depsgraph, scene, layer, result).run()
 
 
-def _keeps_data(scene: Any) -> bool:
+def _keeps_data(scene: Any, original: Any) -> bool:
     """Whether the next frame may start from this one's session. With several view layers Blender makes a new depsgraph
-    for each; frames of image sequences would pile up."""
-    layers = sum(1 for layer in scene.view_layers if layer.use)
+    for each (the evaluated scene has its own layer only); frames of image sequences would pile up."""
+    layers = sum(1 for layer in original.view_layers if layer.use)
     moving = any(image.source in {"SEQUENCE", "MOVIE"} and image.users for image in bpy.data.images)
     return scene.render.use_persistent_data and layers == 1 and not moving
 
@@ -134,7 +134,7 @@ class LayerRender:
         """A session that holds the scene (the kept one, with persistent data), and the seconds of each stage."""
         engine, scene, layer = self.engine, self.scene, self.layer
         engine.update_stats(f"{scene.name}, {layer.name}", "Synchronizing")
-        persistent = _keeps_data(scene)
+        persistent = _keeps_data(scene, self.depsgraph.scene)
         synced = self.state.kept if persistent else None
         width, height = engine.resolution_x, engine.resolution_y
         if synced is not None:

@@ -149,8 +149,10 @@ def set_rect(render_pass: Any, values: NDArray[np.float32]) -> None:
 
 
 def fitted(values: NDArray[np.float32] | None, p: Pass, pixels: int) -> NDArray[np.float32]:
-    """The engine's array with exactly the pixels and channels of Blender's pass; empty when there is no array."""
-    if values is None or values.shape[0] != pixels:
+    """The engine's array with exactly the channels of Blender's pass; an empty picture before the first sample."""
+    if values is not None and values.shape[0] != pixels:
+        raise RuntimeError(f"the {p.name} pass has {values.shape[0]} pixels, Blender asks for {pixels}")
+    if values is None:
         empty = EMPTY_DEPTH if p.native == "depth" else 0.0
         return np.full((pixels, p.channels), empty, np.float32)
     if values.shape[1] == p.channels:

@@ -8,7 +8,7 @@ from .sessions import open_session
 
 def render(engine: Any, state: final.FinalState, depsgraph: Any) -> None:
     """Renders Blender's preview scene. Warnings are not reported: the same shader says them in the render."""
-    scene = depsgraph.scene
+    scene = depsgraph.scene_eval
     layer = depsgraph.view_layer_eval
     with final.result_of(engine, engine.resolution_x, engine.resolution_y, layer.name) as result:
         if engine.test_break() or not result.layers:

@@ -42,12 +42,18 @@ def _mark_version(group: Any) -> None:
         group[_VERSION_KEY] = SETTINGS_VERSION
 
 
+def _changed(group: Any, _context: Any) -> None:
+    """Viewports read the evaluated scene, which Blender does not renew for add-ons' properties by itself."""
+    group.id_data.update_tag()
+
+
 def _property(setting: Setting) -> Any:
     common = {
         "name": setting.label,
         "description": setting.description,
         "get": _getter(setting),
         "set": _setter(setting),
+        "update": _changed,
     }
     if setting.items:
         items = [(*item, number) for number, item in enumerate(setting.items)]
@@ -77,6 +83,7 @@ class TalbotSceneSettings(bpy.types.PropertyGroup):
         name="Use Cycles Settings",
         description="What was not changed in Talbot renders as it is set for Cycles",
         default=True,
+        update=_changed,
     )
     show_tracebacks: bpy.props.BoolProperty(
         name="Print Tracebacks", description="Print where in Talbot an error arose, for bug reports", default=False

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from . import versions
 
@@ -199,8 +200,13 @@ def crop(render: Any, width: int, height: int) -> tuple[int, int, int, int]:
     """Render border as x, y, width, height in pixels from the bottom left (Blender truncates); zeros: none."""
     if not render.use_border:
         return 0, 0, 0, 0
-    left, right = int(render.border_min_x * width), int(render.border_max_x * width)
-    bottom, top = int(render.border_min_y * height), int(render.border_max_y * height)
+
+    def pixel(fraction: float, size: int) -> int:
+        # Blender multiplies in single precision: 0.9 of 20 is 18 there, and 17.9999995 here.
+        return int(np.float32(fraction) * np.float32(size))
+
+    left, right = pixel(render.border_min_x, width), pixel(render.border_max_x, width)
+    bottom, top = pixel(render.border_min_y, height), pixel(render.border_max_y, height)
     return left, bottom, max(0, right - left), max(0, top - bottom)
 
 

@@ -50,14 +50,14 @@ class Viewport:
             self._start(engine, context, depsgraph)
             return
         changed = self.sync.update(depsgraph)
-        if self._choose_passes(depsgraph.scene) or changed:
+        if self._choose_passes(depsgraph.scene_eval) or changed:
             self._restart(engine)
 
     def _start(self, engine: Any, context: Any, depsgraph: Any) -> None:
         """A new session; the old one, if any, may be in an unknown state."""
         self._stop()
         synced = open_session()
-        region, scene = context.region, depsgraph.scene
+        region, scene = context.region, depsgraph.scene_eval
         width, height = region.width, region.height
         outcome = synced.sync.full(
             depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True
@@ -101,7 +101,7 @@ class Viewport:
             self._restart(engine)
         progress = self.session.progress()
         final.check_failed(self.session, progress)
-        self._refresh_texture(depsgraph.scene, progress)
+        self._refresh_texture(depsgraph.scene_eval, progress)
         self._draw_texture(width, height)
         self._show_status(engine, progress)
         if progress["state"] in WORKING:

@@ -14,6 +14,7 @@ import talbot.preview
 import talbot.sessions
 import talbot.viewport
 from talbot.sessions import Synced
+from talbot.settings import crop
 
 CHANNELS = {"combined": 4, "depth": 1, "mist": 1, "object_index": 1, "material_index": 1, "sample_count": 1}
 
@@ -121,10 +122,8 @@ class FakeSync:
     def full(self, depsgraph: Any, scene: Any, view_layer: Any, *, width: int, height: int, **_: Any) -> Any:
         if self.raise_in_full is not None:
             raise self.raise_in_full
-        render = scene.render
-        if render.use_border:
-            width = int(render.border_max_x * width) - int(render.border_min_x * width)
-            height = int(render.border_max_y * height) - int(render.border_min_y * height)
+        if scene.render.use_border:
+            _, _, width, height = crop(scene.render, width, height)
         self.session.width, self.session.height = width, height
         return SimpleNamespace(warnings=self.warnings, timings={})
 

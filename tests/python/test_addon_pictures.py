@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from talbot import native, reports
+from talbot import final, native, passes, preview, reports
 
 WIDTH, HEIGHT = 32, 20
 
@@ -33,9 +33,9 @@ def scene(tmp_path: Path) -> bpy.types.Scene:
     return scene
 
 
-def picture(scene: bpy.types.Scene, path: str = "") -> np.ndarray:
+def picture(scene: bpy.types.Scene) -> np.ndarray:
     """Renders, and gives the pixels of the file (height, width, 4), bottom row first."""
-    path = path or scene.render.filepath
+    path = scene.render.filepath
     Path(path).unlink(missing_ok=True)
     bpy.ops.render.render(write_still=True)
     return load(path)
@@ -138,9 +138,10 @@ def test_animation_with_persistent_data_is_the_same(scene: bpy.types.Scene, tmp_
         frames.append([load(str(tmp_path / f"{persistent}_{frame:02d}.exr")) for frame in (1, 2, 3)])
     bpy.data.objects.remove(bent)
     scene.frame_set(1)
-    after = picture(scene, str(tmp_path / "True_##.exr").replace("##", "01"))
+    scene.render.filepath = str(tmp_path / "still.exr")
+    after = picture(scene)
     scene.render.use_persistent_data = False
-    fresh = picture(scene, str(tmp_path / "True_##.exr").replace("##", "01"))
+    fresh = picture(scene)
     plain, kept = frames
     assert not np.array_equal(plain[0], plain[1])
     for one, other in zip(plain, kept, strict=True):
@@ -149,22 +150,29 @@ def test_animation_with_persistent_data_is_the_same(scene: bpy.types.Scene, tmp_
     assert not np.array_equal(after, plain[0])
 
 
-def test_stereo_eyes_differ(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_stereo_eyes_differ(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene.render.use_multiview = True
     scene.render.image_settings.views_format = "INDIVIDUAL"
     scene.render.filepath = str(tmp_path / "eye")
     scene.render.use_file_extension = True
+    eyes: list[np.ndarray] = []
+    set_rect = passes.set_rect
+
+    def spy(render_pass: bpy.types.RenderPass, values: np.ndarray) -> None:
+        eyes.append(values.reshape(HEIGHT, WIDTH, 4).copy())
+        set_rect(render_pass, values)
+
+    monkeypatch.setattr(passes, "set_rect", spy)
     bpy.ops.render.render(write_still=True)
-    left, right = load(str(tmp_path / "eye_L.exr")), load(str(tmp_path / "eye_R.exr"))
+    assert (tmp_path / "eye_L.exr").is_file() and (tmp_path / "eye_R.exr").is_file()
+    left, right = eyes
     assert left.shape == right.shape == (HEIGHT, WIDTH, 4)
     assert not np.array_equal(left, right)
     assert abs(left.mean() / right.mean() - 1) < 0.1
 
 
-def test_all_passes(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """Through the compositor: each pass into a file of its own."""
-    from talbot import passes
-
+def test_all_passes(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What goes into each pass, and a file of them all."""
     layer = scene.view_layers[0]
     for name in ("z", "mist", "position", "normal", "uv", "object_index", "material_index", "emit", "environment"):
         setattr(layer, f"use_pass_{name}", True)
@@ -182,15 +190,12 @@ def test_all_passes(scene: bpy.types.Scene, tmp_path: Path) -> None:
         seen[render_pass.name] = values.reshape(HEIGHT, WIDTH, -1).copy()
         set_rect(render_pass, values)
 
-    passes.set_rect = spy
-    try:
-        bpy.ops.render.render(write_still=True)
-    finally:
-        passes.set_rect = set_rect
+    monkeypatch.setattr(passes, "set_rect", spy)
+    bpy.ops.render.render(write_still=True)
     assert Path(scene.render.filepath).is_file()
     assert set(seen) == {p.name for p in passes.wanted(scene, layer)}
     assert all(np.isfinite(values).all() for values in seen.values())
-    at = (HEIGHT // 2, WIDTH // 2)
+    at = (9, 19)  # on the cube's right side
     distance = (bpy.data.objects["Camera"].matrix_world.inverted() @ bpy.data.objects["Cube"].location).length
     assert seen["Depth"][at][0] == pytest.approx(distance, abs=1.8)
     assert seen["Depth"][0, 0][0] == np.float32(1e10)
@@ -247,15 +252,11 @@ def test_time_limit(scene: bpy.types.Scene) -> None:
     assert np.isfinite(picture(scene)).all()
 
 
-def test_preview(scene: bpy.types.Scene) -> None:
-    """The icon of a material is rendered by this engine, in Blender's own preview scene."""
-    material = bpy.data.materials["Material"]
-    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.02, 0.02, 1)
-    material.asset_generate_preview()
-    preview = material.preview_ensure()
-    size = preview.image_size
-    if not size[0]:
-        pytest.skip("this Blender makes no previews in the background")
-    pixels = np.array(preview.image_pixels_float[:], np.float32).reshape(size[1], size[0], 4)
-    shown = pixels[pixels[..., 3] > 0.5]
-    assert len(shown) and shown[:, 0].mean() > shown[:, 1].mean()
+def test_preview(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The path of previews with an ordinary scene: Blender makes its own preview scenes with a window only."""
+    expected = picture(scene)
+    monkeypatch.setattr(final, "render", preview.render)
+    scene.talbot.samples = 100000
+    pixels = picture(scene)
+    assert pixels.mean() == pytest.approx(expected.mean(), rel=0.05)
+    assert not np.array_equal(pixels, expected)

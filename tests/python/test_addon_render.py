@@ -170,7 +170,8 @@ def test_passes_without_the_native_pass_are_empty(scene: bpy.types.Scene) -> Non
     combined = passes.Pass("Combined", "combined", 4, "RGBA")
     assert passes.fitted(None, depth, 5).tolist() == [[np.float32(1e10)]] * 5
     assert passes.fitted(None, combined, 5).tolist() == [[0, 0, 0, 0]] * 5
-    assert passes.fitted(np.ones((3, 4), np.float32), combined, 5).sum() == 0
+    with pytest.raises(RuntimeError, match="3 pixels, Blender asks for 5"):
+        passes.fitted(np.ones((3, 4), np.float32), combined, 5)
     assert passes.fitted(np.ones((5, 3), np.float32), combined, 5).tolist() == [[1, 1, 1, 0]] * 5
 
 

@@ -80,7 +80,7 @@ def test_cycles_can_be_ignored(scene: bpy.types.Scene) -> None:
 def test_evaluated_scene_gives_the_same(scene: bpy.types.Scene) -> None:
     scene.cycles.samples = 33
     scene.talbot.max_bounces = 2
-    evaluated = bpy.context.evaluated_depsgraph_get().scene
+    evaluated = bpy.context.evaluated_depsgraph_get().scene_eval
     values = engine_settings(evaluated, evaluated.view_layers[0], evaluated.render)
     assert (values["samples"], values["max_bounces"]) == (33, 2)
 
@@ -214,6 +214,15 @@ def test_resolution_crop_and_threads(scene: bpy.types.Scene) -> None:
     values = engine(scene)
     assert (values["crop_x"], values["crop_y"], values["crop_width"], values["crop_height"]) == (31, 32, 63, 33)
     assert values["threads"] == 3
+
+
+def test_crop_is_what_blender_makes_of_the_border(scene: bpy.types.Scene) -> None:
+    """Where the fraction of a border falls on a pixel's edge, single precision decides."""
+    render = scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x = 0.1, 0.7
+    render.border_min_y, render.border_max_y = 0.3, 0.9
+    assert settings.crop(render, 30, 20) == (3, 6, 18, 12)
 
 
 def test_mist_and_colour(scene: bpy.types.Scene) -> None:

@@ -37,7 +37,7 @@ class Window:
         self.talbot = SimpleNamespace(use_preview_denoising=False, show_tracebacks=False)
         render = SimpleNamespace(use_border=False)
         scene = SimpleNamespace(name="Viewport Test", talbot=self.talbot, render=render)
-        self.depsgraph = SimpleNamespace(scene=scene, view_layer_eval=None)
+        self.depsgraph = SimpleNamespace(scene_eval=scene, view_layer_eval=None)
         self.textures: list[tuple[tuple[int, int], np.ndarray]] = []
         self.drawn: list[tuple[int, int]] = []
         self.timers: list[Callable[[], float | None]] = []
