@@ -9,7 +9,7 @@
 /// where M, t is the object's map and t' the translation of its inverse: interpolation 7, map 4, the tracer's own rounded vertices 1, two more for the
 /// origin's last additions; the second term is an instance's ray, which the tracer takes to object space by a rounded inverse (it is
 /// there for flattened objects as well: nobody here knows which is which). Only the part along the normal, box . |n_g|, makes a ray meet the surface it leaves,
-/// so that a floor at z = 0 keeps next to none however wide it is; 1/256 of the box's diagonal stands for what n_g itself is off, and a sliver adds
+/// so that a floor at z = 0 keeps next to none however wide it is; 1/512 of the box's components stands for what n_g itself is off, and a sliver adds
 /// what the tracer's own normal loses.
 ///
 /// p is kept a few boxes away from the edges of its triangle, within the surface: where two faces meet in a corner, a rounded p might else lie behind the other

@@ -27,21 +27,17 @@ TALBOT_INLINE void fetch(const Vec3* __restrict from, const uint32_t* index, int
     }
 }
 
-/// Lane by lane: every lane may have its own mesh, and what costs is the memory, not the loop.
-TALBOT_INLINE void fetch_corners(const scene::SceneView& scene, int n, Corners& c) {
-    for (int k = 0; k < n; ++k) {
-        const scene::MeshView& mesh = scene.meshes[scene.objects[c.object[k]].mesh];
-        const size_t triangle = size_t(c.primitive[k]);
-        const uint32_t* vertices = mesh.triangle_vertices + 3 * triangle;
-        fetch(mesh.positions, vertices, k, c.p);
-        const bool by_corner = mesh.corner_normals && mesh.triangle_corners;
-        const bool smooth = (by_corner || mesh.vertex_normals) && (!mesh.triangle_smooth || mesh.triangle_smooth[triangle]);
-        c.flat[k] = !smooth;
-        if (smooth)
-            fetch(by_corner ? mesh.corner_normals : mesh.vertex_normals, by_corner ? mesh.triangle_corners + 3 * triangle : vertices, k, c.n);
-        else
-            for (auto& column : c.n) column[k] = 0;
-    }
+TALBOT_INLINE void fetch_lane(const scene::MeshView& mesh, int k, Corners& c) {
+    const size_t triangle = size_t(c.primitive[k]);
+    const uint32_t* vertices = mesh.triangle_vertices + 3 * triangle;
+    fetch(mesh.positions, vertices, k, c.p);
+    const bool by_corner = mesh.corner_normals && mesh.triangle_corners;
+    const bool smooth = (by_corner || mesh.vertex_normals) && (!mesh.triangle_smooth || mesh.triangle_smooth[triangle]);
+    c.flat[k] = !smooth;
+    if (smooth)
+        fetch(by_corner ? mesh.corner_normals : mesh.vertex_normals, by_corner ? mesh.triangle_corners + 3 * triangle : vertices, k, c.n);
+    else
+        for (auto& column : c.n) column[k] = 0;
 }
 
 TALBOT_INLINE Vec3 abs3(Vec3 a) {
@@ -55,6 +51,11 @@ TALBOT_INLINE Affine abs_affine(const Affine& a) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 4; ++j) r.m[i][j] = std::fabs(a.m[i][j]);
     return r;
+}
+
+/// Sum of the components: bounds the length of a vector without negative ones, for want of a root.
+TALBOT_INLINE float sum3(Vec3 a) {
+    return a.x + a.y + a.z;
 }
 
 /// The affine map at `offset` floats into the scene's objects: gathers, when the compiler vectorises.
@@ -90,11 +91,11 @@ TALBOT_INLINE void shade_lane(const Corners& c, int k, const Affine& to_world, c
     const Affine m = abs_affine(to_world), inv = abs_affine(to_object);
     const Vec3 world = transform_point(m, max3(abs3(a), max3(abs3(b), abs3(d))));
     const Vec3 box = (world * 14.0f + transform_direction(m, transform_point(inv, world)) * 10.0f) * kEps;
-    const float box_length = length(box);
+    const float box_length = sum3(box);
 
     // Keep away from the edges: the height over edge i of a triangle with area A is 2 A / |edge i|.
     const float reach = 2.0f * box_length * scale * inv_area;
-    const float l1 = std::sqrt(dot(s1, s1)), l2 = std::sqrt(dot(s2, s2)), l3 = std::sqrt(dot(s3, s3));
+    const float l1 = sum3(abs3(s1)), l2 = sum3(abs3(s2)), l3 = sum3(abs3(s3));
     const float margin_a = minf(reach * l3, 0.25f), margin_b = minf(reach * l2, 0.25f), margin_c = minf(reach * l1, 0.25f);
     float u = maxf(c.u[k], margin_b), v = maxf(c.v[k], margin_c);
     const float sum = u + v;
@@ -108,7 +109,7 @@ TALBOT_INLINE void shade_lane(const Corners& c, int k, const Affine& to_world, c
     const Vec3 reach1 = abs3(s1), reach2 = abs3(s2);
     const Vec3 lost{reach1.y * reach2.z + reach1.z * reach2.y, reach1.z * reach2.x + reach1.x * reach2.z, reach1.x * reach2.y + reach1.y * reach2.x};
     const float sliver = extent * (4.0f * kEps) * minf(dot(max3(reach1, reach2), lost) * inv_area, 1024.0f);
-    const float error = dot(box, abs3(n)) + box_length * 0.00390625f + sliver;
+    const float error = dot(box, abs3(n)) + box_length * 0.001953125f + sliver;
 
     const float w = 1.0f - c.u[k] - c.v[k];
     const Vec3 na{c.n[0][k], c.n[1][k], c.n[2][k]}, nb{c.n[3][k], c.n[4][k], c.n[5][k]}, nc{c.n[6][k], c.n[7][k], c.n[8][k]};
@@ -176,14 +177,19 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, const i
         __builtin_memcpy(out.primitive + first, c.primitive, size_t(count) * sizeof(int32_t));
         __builtin_memcpy(out.u + first, c.u, size_t(count) * sizeof(float));
         __builtin_memcpy(out.v + first, c.v, size_t(count) * sizeof(float));
-        fetch_corners(scene, count, c);
         const ShadeColumns columns{out.p.x + first,   out.p.y + first,   out.p.z + first,   out.n_s.x + first,     out.n_s.y + first,
                                    out.n_s.z + first, out.n_g.x + first, out.n_g.y + first, out.n_g.z + first,     error + first,
                                    out.wo.x + first,  out.wo.y + first,  out.wo.z + first,  out.backfacing + first};
-        if (uniform)
-            shade_uniform(scene.objects[c.object[0]], c, count, columns);
-        else
+        // Vertices lane by lane: what costs is the memory, not the loop. The arithmetic goes over the whole block.
+        if (uniform) {
+            const scene::ObjectView& object = scene.objects[c.object[0]];
+            const scene::MeshView mesh = scene.meshes[object.mesh];
+            for (int k = 0; k < count; ++k) fetch_lane(mesh, k, c);
+            shade_uniform(object, c, count, columns);
+        } else {
+            for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene.objects[c.object[k]].mesh], k, c);
             shade_mixed(scene, c, count, columns);
+        }
     }
 }
 

@@ -153,6 +153,27 @@ struct Rays {
     }
 };
 
+/// A shading span with its columns.
+struct Span {
+    static constexpr int kColumns = 15;
+    std::vector<float> floats;
+    std::vector<int32_t> ints;
+    std::vector<float> error;
+    shader::ShadingSpan span;
+
+    explicit Span(int n) : floats(size_t(n) * kColumns), ints(size_t(n) * 4), error(size_t(n)) {
+        size_t next = 0;
+        const auto take = [&] { return floats.data() + size_t(n) * next++; };
+        for (Columns3* c : {&span.p, &span.n_s, &span.n_g, &span.wo}) *c = {take(), take(), take()};
+        span.u = take();
+        span.v = take();
+        span.object = ints.data();
+        span.primitive = span.object + n;
+        span.backfacing = span.primitive + n;
+        span.n = n;
+    }
+};
+
 inline Vec3 random_direction(std::mt19937& random) {
     std::uniform_real_distribution<float> uniform(0, 1);
     const float z = 2 * uniform(random) - 1, phi = 2 * kPi * uniform(random), r = std::sqrt(std::max(0.f, 1 - z * z));

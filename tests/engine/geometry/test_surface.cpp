@@ -8,27 +8,6 @@
 namespace talbot::geometry {
 namespace {
 
-/// A shading span with its columns.
-struct Span {
-    static constexpr int kColumns = 15;
-    std::vector<float> floats;
-    std::vector<int32_t> ints;
-    std::vector<float> error;
-    shader::ShadingSpan span;
-
-    explicit Span(int n) : floats(size_t(n) * kColumns), ints(size_t(n) * 4), error(size_t(n)) {
-        size_t next = 0;
-        const auto take = [&] { return floats.data() + size_t(n) * next++; };
-        for (Columns3* c : {&span.p, &span.n_s, &span.n_g, &span.wo}) *c = {take(), take(), take()};
-        span.u = take();
-        span.v = take();
-        span.object = ints.data();
-        span.primitive = span.object + n;
-        span.backfacing = span.primitive + n;
-        span.n = n;
-    }
-};
-
 /// Shades all hits of the rays; `hit` receives their lanes.
 Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
     hit.clear();
@@ -198,7 +177,7 @@ TEST(Surface, ErrorBoundsTheDistanceToTheSurface) {
             const double u = s.span.u[i], v = s.span.v[i], w = 1 - u - v;
             const double dx = w * a.x + u * b.x + v * c.x - q.x, dy = w * a.y + u * b.y + v * c.y - q.y, dz = w * a.z + u * b.z + v * c.z - q.z;
             const double size = double(std::abs(p.scale.x)) + double(length(p.translation));
-            ASSERT_LE(std::sqrt(dx * dx + dy * dy + dz * dz), 3e-5 * size) << p.name;
+            ASSERT_LE(std::sqrt(dx * dx + dy * dy + dz * dz), 6e-5 * size) << p.name;
         }
         EXPECT_GT(largest, 1e-3) << p.name << ": the bound is far too wide";
     }
@@ -223,19 +202,19 @@ TEST(Surface, FlatFloorHasHardlyAnErrorAlongItsNormal) {
 TEST(Surface, SliversAndTinyTrianglesDoNotShadowThemselves) {
     std::mt19937 random(9);
     std::uniform_real_distribution<float> uniform(-1, 1);
+    Accelerator accelerator;
     for (float thin : {1e-1f, 1e-2f, 1e-3f, 1e-4f, 1e-5f, 1e-6f}) {
         for (float size : {1e-6f, 1.f, 1e4f}) {
             int self_hits = 0, shaded = 0;
-            for (int k = 0; k < 300; ++k) {
+            for (int k = 0; k < 100; ++k) {
                 const Vec3 a = Vec3{uniform(random), uniform(random), uniform(random)} * size, along = random_direction(random) * size;
                 const Vec3 b = a + along, c = a + along * 0.3f + random_direction(random) * (thin * size);
                 World world;
                 world.add(make_mesh({a, b, c}, {0, 1, 2}));
-                Accelerator accelerator;
                 accelerator.build(world.view(), {});
                 Rays rays;
                 const Vec3 middle = (a + b + c) * (1.f / 3);
-                for (int i = 0; i < 20; ++i) {
+                for (int i = 0; i < 60; ++i) {
                     const Vec3 d = random_direction(random);
                     rays.add(middle - d * (3 * size), d);
                 }
@@ -250,7 +229,7 @@ TEST(Surface, SliversAndTinyTrianglesDoNotShadowThemselves) {
                     for (int32_t object : next.object) self_hits += object == 0;
                 }
             }
-            EXPECT_GT(shaded, 50) << thin << " " << size;
+            EXPECT_GT(shaded, 1000) << thin << " " << size;
             // Below 1e-5 the offset would be larger than what it mends is worth (surface.cpp caps it).
             EXPECT_LE(self_hits, thin > 2e-5f ? 0 : shaded / 500) << thin << " " << size << " of " << shaded;
         }
