@@ -154,7 +154,6 @@ def panel_steps() -> Iterator[float]:
 
 def all_steps() -> Iterator[float]:
     """In this order; each leaves the window as the next wants it."""
-    bpy.context.preferences.view.show_splash = False
     bpy.context.scene.render.engine = "TALBOT"
     yield 0.5
     yield from viewport_steps()
@@ -164,6 +163,7 @@ def all_steps() -> Iterator[float]:
 
 
 STEPS = all_steps()
+bpy.context.preferences.view.show_splash = False  # before the window's first drawing
 
 
 def tick() -> float | None:
