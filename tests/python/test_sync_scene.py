@@ -283,6 +283,74 @@ def test_collection_instances(empty_scene: Any) -> None:
     assert sorted(session.objects["visibility"].tolist()) == [61, 63, 63], "the instancer's visibility counts too"
 
 
+def test_particle_instances(empty_scene: Any) -> None:
+    scene = bpy.context.scene
+    emitter = add_mesh("Emitter", SQUARE, [(0, 1, 2, 3)])
+    thing = add_mesh("Thing", SQUARE, [(0, 1, 2, 3)])
+    thing.hide_viewport = True
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 5, 1, 1, 100
+    settings.render_type = "OBJECT"
+    settings.instance_object = thing
+    scene.frame_set(2)
+    session, _, _ = synchronise()
+    names = [session.objects["names"][i] for i in session.objects["name"]]
+    assert names.count("Thing") == 5 and names.count("Emitter") == 1
+    instances = session.objects["flags"] & 1
+    assert instances.sum() == 5
+    assert len(set(session.objects["random"].tolist())) == 6
+    assert len(session.meshes) == 2
+
+
+def test_geometry_nodes_instances(empty_scene: Any) -> None:
+    group = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
+    if hasattr(group, "interface"):
+        group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+        group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    else:
+        group.inputs.new("NodeSocketGeometry", "Geometry")
+        group.outputs.new("NodeSocketGeometry", "Geometry")
+    source, target = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    cube, material = group.nodes.new("GeometryNodeMeshCube"), group.nodes.new("GeometryNodeSetMaterial")
+    material.inputs["Material"].default_value = bpy.data.materials.new("Generated")
+    scatter = group.nodes.new("GeometryNodeInstanceOnPoints")
+    group.links.new(source.outputs[0], scatter.inputs["Points"])
+    group.links.new(cube.outputs[0], material.inputs["Geometry"])
+    group.links.new(material.outputs[0], scatter.inputs["Instance"])
+    group.links.new(scatter.outputs[0], target.inputs[0])
+    obj = add_mesh("Points", SQUARE, [(0, 1, 2, 3)])
+    obj.modifiers.new("Nodes", "NODES").node_group = group
+    bpy.context.view_layer.update()
+    session, _, result = synchronise()
+    assert result.warnings == []
+    assert len(session.objects["mesh"]) == 4 and len(session.meshes) == 1
+    assert session.objects["flags"].tolist() == [1] * 4
+    handles = session.objects["material_sets"][session.objects["material_set"][0]]
+    ((_, arrays),) = session.meshes.values()
+    assert {session.shaders[handles[slot]][0] for slot in arrays["face_materials"]} == {"Material 'Generated'"}
+
+
+def test_holdout_and_indirect_collections(empty_scene: Any) -> None:
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    for name in ("Holdout", "Indirect"):
+        collection = bpy.data.collections.new(name)
+        scene.collection.children.link(collection)
+        obj = add_mesh(name, SQUARE, [(0, 1, 2, 3)])
+        scene.collection.objects.unlink(obj)
+        collection.objects.link(obj)
+    layer.layer_collection.children["Holdout"].holdout = True
+    layer.layer_collection.children["Indirect"].indirect_only = True
+    layer.update()
+    session, _, _ = synchronise()
+    objects = session.objects
+    by_name = {objects["names"][n]: i for i, n in enumerate(objects["name"])}
+    assert objects["flags"][by_name["Holdout"]] == 2
+    assert objects["visibility"][by_name["Holdout"]] == 63
+    assert objects["flags"][by_name["Indirect"]] == 0
+    assert objects["visibility"][by_name["Indirect"]] == 62
+
+
 def test_hidden_and_unsupported(empty_scene: Any) -> None:
     hidden = add_mesh("Hidden", SQUARE, [(0, 1, 2, 3)])
     hidden.hide_viewport = True

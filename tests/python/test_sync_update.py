@@ -27,7 +27,7 @@ def scene_of_two(empty_scene: Any) -> Any:
 
 
 class Updates:
-    """In background mode Blender clears a depsgraph's updates before a script sees them; a handler sees them in time."""
+    """In background mode Blender clears a depsgraph's updates before a script sees them; handlers see them in time."""
 
     def __init__(self, sync: Any) -> None:
         self.sync = sync
