@@ -93,27 +93,26 @@ class ObjectPass:
         matrices = np.empty(count * 16, dtype=np.float32)
         out.random = np.empty(count, dtype=np.uint32)
         out.is_instance = np.empty(count, dtype=np.bool_)
+        shown = np.empty(count, dtype=np.bool_)
         if count:
+            instances.foreach_get("show_self", shown)
             instances.foreach_get("matrix_world", matrices)
             instances.foreach_get("random_id", out.random)
             instances.foreach_get("is_instance", out.is_instance)
         out.matrices = matrices.reshape(count, 16)
         cache: dict[tuple[int, int, int], int] = {}
         rows, which = out.rows, out.which
-        dupli = out.is_instance.tolist()
+        dupli, visible = out.is_instance.tolist(), shown.tolist()
         for row, instance in enumerate(instances):
-            if row >= count or not instance.show_self:
+            if not visible[row]:
                 continue
             obj = instance.object
             data = obj.data
             if data is None:
                 continue
             parent = instance.parent if dupli[row] else None
-            key = (
-                obj.original.as_pointer(),
-                data.as_pointer(),
-                parent.original.as_pointer() if parent is not None else 0,
-            )
+            # Objects of instances are made for the step: their original is what lasts.
+            key = (obj.original.as_pointer(), data.as_pointer(), parent.as_pointer() if parent is not None else 0)
             index = cache.get(key)
             if index is None:
                 index = cache[key] = self._record(obj, data, parent)
