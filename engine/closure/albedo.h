@@ -1,0 +1,77 @@
+/// Directional albedos of GGX lobes, for energy compensation and for layering. Made by make_albedo_tables.py (deterministic
+/// integration of single scattering, height-correlated shadowing) and compiled in, because making them takes seconds and every Principled BSDF needs them.
+///
+/// Axes: roughness r = sqrt(alpha) over 0..1; t = sqrt(cosine) over 0..1; x = sqrt(|n - 1| / (n + 1)) over 0..1 for the index. Cosine fastest.
+#pragma once
+
+#include "base/vec.h"
+
+namespace talbot {
+
+inline constexpr int kAlbedoFine = 32, kAlbedoCoarse = 16;
+
+extern const float kGgxAlbedo[kAlbedoFine * kAlbedoFine];                            ///< [r][t]: reflection with F = 1
+extern const float kGgxAverage[kAlbedoFine];                                         ///< [r]: 2 integral E mu dmu
+extern const float kFresnelPosition[kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [x][r][t]: mean of (F - F0) / (1 - F0) over the lobe
+extern const float kGlassAlbedo[2 * kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [inside][x][r][t]: reflection and refraction together
+extern const float kGlassAverage[2 * kAlbedoCoarse * kAlbedoCoarse];                 ///< [inside][x][r]
+
+struct TableCell {
+    int32_t index;
+    float fraction;
+};
+TALBOT_INLINE TableCell table_cell(float x, int nodes) {
+    const float at = saturate(x) * float(nodes - 1);
+    const int32_t i = int32_t(minf(at, float(nodes) - 1.001f));
+    return {i, at - float(i)};
+}
+
+TALBOT_INLINE float table_2d(const float* table, TableCell a, TableCell b, int nodes) {
+    const float* row = table + a.index * nodes + b.index;
+    return lerp(lerp(row[0], row[1], b.fraction), lerp(row[nodes], row[nodes + 1], b.fraction), a.fraction);
+}
+
+/// Albedo of GGX reflection without Fresnel, and its cosine-weighted average.
+TALBOT_INLINE float ggx_albedo(float rough, float cosine) {
+    return table_2d(kGgxAlbedo, table_cell(rough, kAlbedoFine), table_cell(safe_sqrt(cosine), kAlbedoFine), kAlbedoFine);
+}
+TALBOT_INLINE float ggx_average(float rough) {
+    const TableCell c = table_cell(rough, kAlbedoFine);
+    return lerp(kGgxAverage[c.index], kGgxAverage[c.index + 1], c.fraction);
+}
+
+TALBOT_INLINE float index_coordinate(float eta) {
+    return safe_sqrt(std::fabs(eta - 1.0f) / (eta + 1.0f));
+}
+/// Mean position on the dielectric Fresnel curve over the lobe: the albedo is lerp(F0, 1, position), as if no light were lost
+/// between the facets. Indices below 1 count as their reciprocals.
+TALBOT_INLINE float mean_fresnel_position(float rough, float cosine, float eta) {
+    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
+                    t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
+    const float* plane = kFresnelPosition + x.index * kAlbedoCoarse * kAlbedoCoarse;
+    return lerp(table_2d(plane, r, t, kAlbedoCoarse), table_2d(plane + kAlbedoCoarse * kAlbedoCoarse, r, t, kAlbedoCoarse), x.fraction);
+}
+
+/// Albedo of rough glass seen from the side of index 1 to eta, and its average.
+TALBOT_INLINE float glass_albedo(float rough, float cosine, float eta) {
+    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
+                    t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
+    const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse : 0;
+    const float* plane = kGlassAlbedo + side + x.index * kAlbedoCoarse * kAlbedoCoarse;
+    return lerp(table_2d(plane, r, t, kAlbedoCoarse), table_2d(plane + kAlbedoCoarse * kAlbedoCoarse, r, t, kAlbedoCoarse), x.fraction);
+}
+TALBOT_INLINE float glass_average(float rough, float eta) {
+    const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse : 0;
+    return table_2d(kGlassAverage + side, table_cell(index_coordinate(eta), kAlbedoCoarse), table_cell(rough, kAlbedoCoarse), kAlbedoCoarse);
+}
+
+/// What several bounces between the facets add: the single-scattering lobe times 1 + Fms (1 - E) / E, Fms = Fss A / (1 - Fss (1 - A))
+/// [Kulla & Conty 2017, "Revisiting Physically Based Shading at Imageworks"; Turquin 2019, "Practical multiple scattering compensation for
+/// microfacet models"]. fss: average reflectance of one bounce; A: chance that a later bounce escapes, the average albedo.
+TALBOT_INLINE float multiple_scattering(float fss, float albedo, float escape) {
+    const float e = clampf(albedo, 0.02f, 1.0f);
+    const float fms = fss * escape / maxf(1.0f - fss * (1.0f - escape), 1e-4f);
+    return 1.0f + fms * (1.0f - e) / e;
+}
+
+}  // namespace talbot

@@ -1,0 +1,138 @@
+// The Principled BSDF since 4.0: layers from the top down, each hiding what its albedo reflects from those below.
+#include "shader/closure_helpers.h"
+
+namespace talbot::shader {
+namespace {
+
+struct Layers : ClosureMaker {
+    Value3 weight;  ///< what reaches the next layer
+    Value3 base;
+    Value3 normal, glossy, coat;
+    Value roughness, ior;
+    bool multi;
+
+    Layers(NodeContext& node, Value3 w) : ClosureMaker(node), weight(w) {
+        base = color("Base Color");
+        normal = n.normal();
+        glossy = glossy_normal(normal);
+        coat = n.has("Coat Normal") ? n.normal("Coat Normal") : normal;
+        roughness = n.value("Roughness", 0.5f);
+        ior = n.value("IOR", 1.5f);
+        multi = n.choice("distribution", {"MULTI_GGX", "GGX"}) == 0;
+    }
+
+    void transparency() {
+        const Value alpha = factor("Alpha", 1);
+        if (e.is(alpha, 1)) return;
+        n.transparent(e.mul(weight, e.one_minus(alpha)));
+        weight = e.mul(weight, alpha);
+    }
+
+    void sheen() {
+        const Value amount = factor("Sheen Weight");
+        if (is_zero(amount)) return;
+        const Value rough = n.value("Sheen Roughness", 0.5f);
+        const Value3 bent = e.normalize(e.lerp(normal, coat, factor("Coat Weight"))), wo = n.incoming();
+        const Value albedo = op(ClosureOp::SheenAlbedo, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, rough});
+        const Value3 tint = e.mul(color("Sheen Tint"), amount);
+        n.closure(ClosureType::SheenLtc, LobeKind::Diffuse, e.mul(weight, tint), bent, {rough});
+        weight = below(weight, e.mul(tint, albedo));
+    }
+
+    void clear_coat() {
+        const Value amount = e.max(n.value("Coat Weight"), 0.0f);
+        if (is_zero(amount)) return;
+        const Value3 bent = glossy_normal(coat), wo = n.incoming();
+        const auto width = isotropic(n.value("Coat Roughness", 0.03f), bent);
+        const Value index = e.max(n.value("Coat IOR", 1.5f), 1.0f);
+        const Value layer = op(ClosureOp::Coat, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, width.ax, index}, 2);
+        reflection(e.mul(weight, amount), bent, width, FresnelKind::Dielectric, {index});
+        weight = below(weight, e.spread(e.mul(layer, amount)));
+        const Value3 tint = color("Coat Tint");
+        if (e.is(tint.x, 1) && e.is(tint.y, 1) && e.is(tint.z, 1)) return;
+        // Light crosses the coat along the refracted direction.
+        const Value path = e.after(layer, 1);
+        const auto absorbed = [&](Value t) { return e.binary(BinaryKind::Power, t, path); };
+        const Value3 colored{absorbed(tint.x), absorbed(tint.y), absorbed(tint.z)};
+        weight = e.mul(weight, e.lerp(white(), colored, e.saturate(amount)));
+    }
+
+    void emission() {
+        const Value strength = n.value("Emission Strength");
+        if (!is_zero(strength)) n.emission(e.mul(weight, e.mul(n.color("Emission Color"), strength)));
+    }
+
+    void metal(const Width& width) {
+        const Value metallic = factor("Metallic");
+        if (is_zero(metallic)) return;
+        const Value3 f0 = e.saturate(base), tint = color01("Specular Tint");
+        const Value f82 = op(ClosureOp::F82, {f0.x, f0.y, f0.z, tint.x, tint.y, tint.z}, 6);
+        const Value3 b = e.triple(f82), mean = e.triple(e.after(f82, 3));
+        const Value3 gain = multi ? reflect_energy(glossy, width, mean) : white();
+        reflection(e.mul(e.mul(weight, metallic), gain), glossy, width, FresnelKind::F82, {f0.x, f0.y, f0.z, b.x, b.y, b.z});
+        weight = e.mul(weight, e.one_minus(metallic));
+    }
+
+    void transmission() {
+        const Value amount = factor("Transmission Weight");
+        if (is_zero(amount)) return;
+        const Value3 clamped = e.saturate(base);
+        const Value3 pass{e.sqrt(clamped.x), e.sqrt(clamped.y), e.sqrt(clamped.z)};
+        const Value alpha = op(ClosureOp::AlphaFromRoughness, {roughness}), index = relative_index(ior);
+        const Value3 gain = multi ? glass_energy(glossy, alpha, index, pass) : white();
+        glass(e.mul(e.mul(weight, amount), gain), glossy, alpha, index, color("Specular Tint"), white(), pass);
+        weight = e.mul(weight, e.one_minus(amount));
+    }
+
+    void specular(const Width& width) {
+        const Value3 tint = color("Specular Tint"), wo = n.incoming();
+        const Value s =
+            op(ClosureOp::Specular,
+               {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, ior, n.value("Specular IOR Level", 0.5f), tint.x, tint.y, tint.z}, 8);
+        const Value3 f0 = e.triple(e.after(s, 1)), albedo = e.triple(e.after(s, 4));
+        Value3 gain = white(), layer = albedo;
+        if (multi) {
+            gain = reflect_energy(glossy, width, e.spread(e.after(s, 7)));
+            layer = e.mul(albedo, specular_energy(width, e.after(s, 7)));
+        }
+        reflection(e.mul(weight, gain), glossy, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z});
+        weight = below(weight, layer);
+    }
+    /// Share of the compensated lobe that the estimate above, which loses nothing between the facets, has to be reduced to.
+    Value3 specular_energy(const Width& width, Value mean) {
+        const Value3 wo = n.incoming();
+        return op3(ClosureOp::EnergyShare, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, mean, mean, mean, e.literal(0)});
+    }
+
+    void body() {
+        if (n.has("Subsurface Weight") && !is_zero(n.value("Subsurface Weight"))) {
+            n.warn("Subsurface scattering is not supported yet: rendered as diffuse of the same colour");
+        }
+        const Value rough = n.value("Diffuse Roughness");
+        if (is_zero(rough)) return diffuse(e.mul(weight, base), normal);
+        n.closure(ClosureType::OrenNayar, LobeKind::Diffuse, e.mul(weight, base), normal, {rough, base.x, base.y, base.z});
+    }
+};
+
+}  // namespace
+
+void compile_principled(NodeContext& n, Value3 weight) {
+    if (n.semantics.version < 400) return compile_principled_v1(n, weight);
+    Layers layers(n, weight);
+    layers.warn_thin_film();
+    if (n.has("Thin Wall") && !layers.is_zero(n.value("Thin Wall"))) n.warn("Thin Wall is not supported yet: rendered as a solid");
+    layers.transparency();
+    layers.sheen();
+    layers.clear_coat();
+    layers.emission();
+    const auto width = layers.anisotropic(ClosureOp::PrincipledAlpha, layers.roughness, layers.factor("Anisotropic"), "Anisotropic Rotation", layers.glossy);
+    layers.metal(width);
+    // Nothing lies below full metal or full glass.
+    if (n.e.is(layers.factor("Metallic"), 1)) return;
+    layers.transmission();
+    if (n.e.is(layers.factor("Transmission Weight"), 1)) return;
+    layers.specular(width);
+    layers.body();
+}
+
+}  // namespace talbot::shader
