@@ -1,0 +1,102 @@
+/// The loop as a whole: the same bits for any number of threads and any instruction set's own repeat, closed boxes, and what bad input does.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <thread>
+
+#include "base/cpu.h"
+#include "session/session.h"
+#include "support/scenes.h"
+
+namespace talbot {
+namespace {
+
+std::vector<float> render(scene::Scene scene, int threads, const std::string& isa = {}) {
+    scene.settings.threads = threads;
+    scene.settings.instruction_set = isa;
+    Session session;
+    session.edit() = std::move(scene);
+    session.start();
+    while (!session.wait(1000)) {
+    }
+    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
+    std::vector<float> pixels;
+    EXPECT_TRUE(session.read_pass(scene::PassKind::Combined, pixels));
+    return pixels;
+}
+
+double mean_of(const std::vector<float>& rgba) {
+    double sum = 0;
+    for (size_t i = 0; i < rgba.size(); i += 4) sum += double(rgba[i]) + rgba[i + 1] + rgba[i + 2];
+    return sum / (double(rgba.size()) / 4 * 3);
+}
+
+TEST(Render, SameBitsForAnyNumberOfThreads) {
+    const scene::Scene scene = tests::box_with_lamp();
+    const std::vector<float> one = render(scene, 1);
+    for (int threads : {2, 3, 5}) EXPECT_EQ(one, render(scene, threads)) << threads << " threads";
+}
+
+TEST(Render, EveryInstructionSetGivesTheSamePicture) {
+    const scene::Scene scene = tests::box_with_lamp();
+    double first = -1;
+    for (const char* isa : compiled_isas()) {
+        if (!machine_runs(isa)) continue;
+        const double mean = mean_of(render(scene, 2, isa));
+        if (first < 0) first = mean;
+        EXPECT_NEAR(mean / first, 1.0, 2e-3) << isa;
+    }
+    EXPECT_GT(first, 0.01);
+}
+
+/// A closed box of emission 1 and albedo 1/2: each bounce adds half of the one before.
+TEST(Render, FurnaceBoxByBounces) {
+    const double expected[] = {1.5, 1.75, 1.875, 1.9375};
+    for (int bounces = 0; bounces < 4; ++bounces) {
+        scene::Scene scene = tests::furnace_box(0.5f, 1.0f);
+        scene.settings.max_bounces = scene.settings.diffuse_bounces = bounces;
+        EXPECT_NEAR(mean_of(render(scene, 2)), expected[bounces], expected[bounces] * 2e-3) << bounces << " bounces";
+    }
+}
+
+TEST(Render, CancelsQuicklyAtAnyMoment) {
+    for (int delay : {0, 1, 5, 20, 60}) {
+        scene::Scene scene = tests::box_with_lamp();
+        scene.settings.samples = 1 << 20;
+        Session session;
+        session.edit() = scene;
+        session.start();
+        session.wait(delay);
+        session.cancel();
+        EXPECT_TRUE(session.wait(200)) << delay << " ms";
+        EXPECT_EQ(session.progress().state, SessionState::Cancelled);
+    }
+}
+
+TEST(Render, EmptySceneIsBlack) {
+    scene::Scene scene;
+    scene.settings.width = scene.settings.height = 8;
+    scene.settings.samples = 2;
+    EXPECT_EQ(mean_of(render(scene, 1)), 0.0);
+}
+
+TEST(Render, NoPixelsIsAnError) {
+    Session session;
+    session.edit().settings.width = 0;
+    session.start();
+    while (!session.wait(1000)) {
+    }
+    EXPECT_EQ(session.progress().state, SessionState::Failed);
+    EXPECT_NE(session.error().find("no pixels"), std::string::npos);
+}
+
+TEST(Render, NothingIsNotANumber) {
+    scene::Scene scene = tests::box_with_lamp();
+    scene.objects[0].to_world.m[0][0] = std::nanf("");
+    for (float value : render(scene, 2)) ASSERT_TRUE(std::isfinite(value));
+}
+
+}  // namespace
+}  // namespace talbot
