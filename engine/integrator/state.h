@@ -88,6 +88,7 @@ struct SpanScratch {
     float* weight_sum = nullptr;
     light::LightSamples light;
     float *u0 = nullptr, *v0 = nullptr, *u1 = nullptr, *v1 = nullptr;
+    float *roulette_u = nullptr, *roulette_v = nullptr;  ///< of the vertex: for the path, for its shadow rays
     Columns3 wi, f, slot_f, f_diffuse, f_glossy;
     float *pdf = nullptr, *slot_pdf = nullptr;
     float* sampled_roughness = nullptr;

@@ -132,59 +132,171 @@ TALBOT_INLINE CameraRay camera_ray(const scene::Camera& camera, FilmPoint film, 
 
 }  // namespace
 
+namespace {
+
+/// Where the new paths of one span begin, in span scratch: pixel positions, sampler keys, then rays in world space.
+struct NewPaths {
+    int n = 0;
+    int32_t *lane, *pixel, *px, *py;
+    uint32_t *key, *sample;
+    float *film_x, *film_y, *lens_u, *lens_v;
+    Columns3 origin, direction;
+    float *near, *far;
+    uint8_t* exists;
+};
+
+NewPaths new_paths(SpanScratch& s) {
+    NewPaths p;
+    p.lane = s.lane, p.pixel = s.list, p.px = s.list2, p.py = s.itmp;
+    p.key = s.span.key, p.sample = s.span.sample;
+    p.film_x = s.u0, p.film_y = s.v0, p.lens_u = s.u1, p.lens_v = s.v1;
+    p.origin = s.f, p.direction = s.wi;
+    p.near = s.tmp, p.far = s.tmp2;
+    p.exists = s.mask;
+    return p;
+}
+
+/// The commonest camera, as a loop that vectorises.
+void pinhole_rays(const scene::Camera& camera, const NewPaths& paths) {
+    const Column film_x = paths.film_x, film_y = paths.film_y, near = paths.near, far = paths.far;
+    const Column ox = paths.origin.x, oy = paths.origin.y, oz = paths.origin.z, dx = paths.direction.x, dy = paths.direction.y, dz = paths.direction.z;
+    const Affine m = camera.to_world;
+    const float left = camera.view[0], width = camera.view[1] - camera.view[0], bottom = camera.view[2], height = camera.view[3] - camera.view[2];
+    const float clip_start = camera.clip_start, clip_end = camera.clip_end;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < paths.n; ++i) {
+        const Vec3 film{left + width * film_x[i], bottom + height * film_y[i], -1.0f};
+        const float along = std::sqrt(dot(film, film));
+        const Vec3 d = normalize(transform_direction(m, film));
+        const Vec3 o = transform_point(m, film * clip_start);
+        ox[i] = o.x, oy[i] = o.y, oz[i] = o.z;
+        dx[i] = d.x, dy[i] = d.y, dz[i] = d.z;
+        near[i] = clip_start * along;
+        far[i] = clip_end * along;
+    }
+}
+
+void general_rays(const scene::Camera& camera, const NewPaths& paths) {
+    for (int i = 0; i < paths.n; ++i) {
+        const CameraRay ray = camera_ray(camera, {paths.film_x[i], paths.film_y[i]}, paths.lens_u[i], paths.lens_v[i]);
+        paths.exists[i] = ray.exists;
+        store(paths.origin, i, transform_point(camera.to_world, ray.origin + ray.direction * ray.near));
+        store(paths.direction, i, normalize(transform_direction(camera.to_world, ray.direction)));
+        paths.near[i] = ray.near;
+        paths.far[i] = ray.far;
+    }
+}
+
+/// Film positions and lens numbers of the span's paths.
+void sample_film(const RenderContext& context, const RenderUnit& unit, const NewPaths& paths, bool lens) {
+    const scene::Settings& settings = *context.settings;
+    const float block = float(unit.pixel_size);
+    const float inverse_width = 1.0f / float(settings.width), inverse_height = 1.0f / float(settings.height);
+    const uint32_t seed = settings.seed, width = uint32_t(settings.width);
+    const float* __restrict table = context.filter_table;
+    const IntColumn px = paths.px, py = paths.py;
+    uint32_t* __restrict key = paths.key;
+    const uint32_t* __restrict sample = paths.sample;
+    const Column film_x = paths.film_x, film_y = paths.film_y, lens_u = paths.lens_u, lens_v = paths.lens_v;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < paths.n; ++i) {
+        key[i] = pixel_key(seed, uint32_t(py[i]) * width + uint32_t(px[i]));
+        const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::PixelFilter));
+        film_x[i] = (float(px[i]) + block * (0.5f + filter_offset(table, u.x))) * inverse_width;
+        film_y[i] = (float(py[i]) + block * (0.5f + filter_offset(table, u.y))) * inverse_height;
+    }
+    if (!lens) return;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < paths.n; ++i) {
+        const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::Lens));
+        lens_u[i] = u.x;
+        lens_v[i] = u.y;
+    }
+}
+
+/// Takes free lanes for the next paths of the unit.
+int take_lanes(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, const NewPaths& paths) {
+    const scene::Settings& settings = *context.settings;
+    const int64_t pixels = int64_t(unit.width) * unit.height;
+    const int64_t left = pixels * (unit.sample_end - unit.sample_begin) - cursor;
+    int n = worker.free_count < kSpan ? worker.free_count : kSpan;
+    if (left < n) n = int(left);
+    int32_t pixel = int32_t(cursor % pixels);
+    uint32_t sample = uint32_t(unit.sample_begin + settings.first_sample) + uint32_t(cursor / pixels);
+    int x = pixel % unit.width, y = pixel / unit.width;
+    for (int i = 0; i < n; ++i) {
+        paths.lane[i] = worker.free_lanes[--worker.free_count];
+        paths.pixel[i] = pixel;
+        paths.sample[i] = sample;
+        paths.px[i] = settings.crop_x + (unit.x + x) * unit.pixel_size;
+        paths.py[i] = settings.crop_y + (unit.y + y) * unit.pixel_size;
+        ++pixel;
+        if (++x == unit.width) {
+            x = 0;
+            if (++y == unit.height) y = pixel = 0, ++sample;
+        }
+    }
+    cursor += n;
+    return n;
+}
+
+}  // namespace
+
 int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, film::TileFilm& tile) {
     const scene::Settings& settings = *context.settings;
     const scene::Camera& camera = *context.camera;
     PathColumns& paths = worker.paths;
-    const int64_t pixels = int64_t(unit.width) * unit.height;
-    const int64_t total = pixels * (unit.sample_end - unit.sample_begin);
     const float pixel_x = (camera.view[1] - camera.view[0]) / float(settings.width);
     const float pixel_y = (camera.view[3] - camera.view[2]) / float(settings.height);
     const float pixel_extent = 0.5f * (std::fabs(pixel_x) + std::fabs(pixel_y)) * float(unit.pixel_size);
     const bool orthographic = camera.type == scene::CameraType::Orthographic;
+    const bool lens = camera.aperture_radius > 0.0f;
+    const bool pinhole = camera.type == scene::CameraType::Perspective && !lens;
 
-    int n = 0;
-    while (worker.free_count > 0 && cursor < total) {
-        const int32_t pixel = int32_t(cursor % pixels);
-        const uint32_t sample = uint32_t(unit.sample_begin + settings.first_sample) + uint32_t(cursor / pixels);
-        ++cursor;
-        const int px = settings.crop_x + (unit.x + pixel % unit.width) * unit.pixel_size;
-        const int py = settings.crop_y + (unit.y + pixel / unit.width) * unit.pixel_size;
-        const uint32_t key = pixel_key(settings.seed, uint32_t(py) * uint32_t(settings.width) + uint32_t(px));
-        const Vec2 filter = sample_pair(key, sample, pair_dimension(0, Pair::PixelFilter));
-        const Vec2 lens = sample_pair(key, sample, pair_dimension(0, Pair::Lens));
-        const float block = float(unit.pixel_size);
-        const FilmPoint film{(float(px) + block * (0.5f + filter_offset(context.filter_table, filter.x))) / float(settings.width),
-                             (float(py) + block * (0.5f + filter_offset(context.filter_table, filter.y))) / float(settings.height)};
-        const CameraRay ray = camera_ray(camera, film, lens.x, lens.y);
-        ++worker.counters.paths;
-        if (!ray.exists) {
-            // No light comes from nowhere: black and fully transparent, as in Cycles.
-            const float one = 1.0f;
-            film::add_alpha(tile, &pixel, &one, 1);
-            continue;
+    int fresh = 0;
+    NewPaths next = new_paths(worker.scratch);
+    while ((next.n = take_lanes(context, unit, cursor, worker, next)) > 0) {
+        const int n = next.n;
+        worker.counters.paths += uint64_t(n);
+        std::memset(next.exists, 1, size_t(n));
+        sample_film(context, unit, next, lens);
+        if (pinhole)
+            pinhole_rays(camera, next);
+        else
+            general_rays(camera, next);
+
+        for (int i = 0; i < n; ++i) {
+            const int32_t lane = next.lane[i];
+            if (!next.exists[i]) {
+                // No light comes from nowhere: black and fully transparent, as in Cycles.
+                const float one = 1.0f;
+                film::add_alpha(tile, &next.pixel[i], &one, 1);
+                worker.free_lanes[worker.free_count++] = lane;
+                continue;
+            }
+            worker.fresh[fresh++] = lane;
+            store(paths.origin, lane, load(next.origin, i));
+            store(paths.direction, lane, load(next.direction, i));
+            paths.t_max[lane] = maxf(next.far[i] - next.near[i], 0.0f);
+            store(paths.throughput, lane, vec3(1.0f));
+            paths.bsdf_pdf[lane] = 0.0f;
+            paths.min_pdf[lane] = 3.0e38f;
+            paths.mis_t[lane] = 0.0f;
+            paths.cone_spread[lane] = orthographic ? 0.0f : pixel_extent;
+            paths.cone_width[lane] = orthographic ? pixel_extent : pixel_extent * next.near[i];
+            paths.pixel[lane] = next.pixel[i];
+            paths.key[lane] = next.key[i];
+            paths.sample[lane] = next.sample[i];
+            paths.flags[lane] = int32_t(shader::kRayCamera) | kPathDelta | kPathSeesBackground;
+            paths.bounces[lane] = 0;
+            paths.vertex[lane] = 1;
+            if (context.layout->light_passes) {
+                store(paths.diffuse_share, lane, Vec3{});
+                store(paths.glossy_share, lane, Vec3{});
+            }
         }
-        const int32_t lane = worker.free_lanes[--worker.free_count];
-        worker.fresh[n++] = lane;
-        store(paths.origin, lane, transform_point(camera.to_world, ray.origin + ray.direction * ray.near));
-        store(paths.direction, lane, normalize(transform_direction(camera.to_world, ray.direction)));
-        paths.t_max[lane] = maxf(ray.far - ray.near, 0.0f);
-        store(paths.throughput, lane, vec3(1.0f));
-        paths.bsdf_pdf[lane] = 0.0f;
-        paths.min_pdf[lane] = 3.0e38f;
-        paths.mis_t[lane] = 0.0f;
-        paths.cone_spread[lane] = orthographic ? 0.0f : pixel_extent;
-        paths.cone_width[lane] = orthographic ? pixel_extent : pixel_extent * ray.near;
-        paths.pixel[lane] = pixel;
-        paths.key[lane] = key;
-        paths.sample[lane] = sample;
-        paths.flags[lane] = int32_t(shader::kRayCamera) | kPathDelta | kPathSeesBackground;
-        paths.bounces[lane] = 0;
-        paths.vertex[lane] = 1;
-        store(paths.diffuse_share, lane, Vec3{});
-        store(paths.glossy_share, lane, Vec3{});
     }
-    return n;
+    return fresh;
 }
 
 }  // namespace TALBOT_ISA

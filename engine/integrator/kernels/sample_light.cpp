@@ -92,14 +92,23 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     const float limit_direct = 3.0f * settings.clamp_direct, limit_indirect = 3.0f * settings.clamp_indirect;
     const float inverse_threshold = settings.light_threshold > 0.0f ? 1.0f / settings.light_threshold : 0.0f;
     // Contribution of each lane in s.rgb, 0 where there is none.
+    const ConstColumn light_pdf = s.light.pdf, bsdf_pdf = s.pdf;
+    const ConstMaskColumn is_delta = s.light.is_delta;
+    const Column scale = s.tmp;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        const float pdf = s.light.pdf[i];
-        const float mis = s.light.is_delta[i] ? 1.0f : power_heuristic(pdf, s.pdf[i]);
-        const float scale = pdf > 0.0f ? mis / pdf : 0.0f;
-        s.rgb.x[i] = s.f.x[i] * s.light.radiance.x[i] * scale;
-        s.rgb.y[i] = s.f.y[i] * s.light.radiance.y[i] * scale;
-        s.rgb.z[i] = s.f.z[i] * s.light.radiance.z[i] * scale;
+        const float pdf = light_pdf[i];
+        const float r = is_delta[i] != 0 ? 0.0f : bsdf_pdf[i] / pdf;
+        const float weight = 1.0f / ((1.0f + r * r) * pdf);
+        scale[i] = pdf > 0.0f ? weight : 0.0f;
+    }
+    const ConstColumn fx = s.f.x, fy = s.f.y, fz = s.f.z, ex = s.light.radiance.x, ey = s.light.radiance.y, ez = s.light.radiance.z;
+    const Column rx = s.rgb.x, ry = s.rgb.y, rz = s.rgb.z;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        rx[i] = fx[i] * ex[i] * scale[i];
+        ry[i] = fy[i] * ey[i] * scale[i];
+        rz[i] = fz[i] * ez[i] * scale[i];
     }
     for (int i = 0; i < n; ++i) {
         Rgb c = load(s.rgb, i);
@@ -108,8 +117,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         // Weak samples: trace only some, at higher weight.
         if (strongest * inverse_threshold < 1.0f && inverse_threshold > 0.0f) {
             const float keep = strongest * inverse_threshold;
-            const Vec2 r = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::Roulette));
-            if ((distant ? r.y : 1.0f - r.y) >= keep) continue;
+            if ((distant ? s.roulette_v[i] : 1.0f - s.roulette_v[i]) >= keep) continue;
             c = c / keep;
         }
         const int bounces = total_bounces(s.bounces[i]);

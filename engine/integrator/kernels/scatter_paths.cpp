@@ -198,7 +198,6 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         const float strongest = max_component(throughput);
         if (!(strongest > 0.0f) || !(strongest < kInfinity)) continue;
 
-        const Vec2 roulette = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::Roulette));
         const float t = s.span.ray_length[i];
         int32_t flags = s.path_flags[i];
         const int32_t vertex = paths.vertex[lane];
@@ -234,7 +233,7 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
             }
         }
         if (keep < 1.0f) {
-            if (roulette.x >= keep) {
+            if (s.roulette_u[i] >= keep) {
                 paths.bounces[lane] = s.bounces[i];
                 continue;
             }

@@ -1,5 +1,6 @@
 /// One span of surface hits: shading points, node program, emission, then light samples and scattering.
 
+#include "base/sobol.h"
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -216,6 +217,12 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
             }
             closure_sampling_weight(slot, slot_columns(slot, s.registers), geometry, n, weight);
             for (int i = 0; i < n; ++i) s.weight_sum[i] += weight[i];
+        }
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            const Vec2 r = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::Roulette));
+            s.roulette_u[i] = r.x;
+            s.roulette_v[i] = r.y;
         }
         if (context.emitter_summary.has_local) sample_light(context, worker, program, geometry, light::Stratum::Local);
         if (context.emitter_summary.has_distant) sample_light(context, worker, program, geometry, light::Stratum::Distant);
