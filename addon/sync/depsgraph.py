@@ -190,11 +190,11 @@ class SceneSync:
                     seen.discard(pointer)
                 handles.append(-1)
             elif entry is not None:
-                self.session.set_mesh(entry.handle, record.mesh.name, arrays)
+                self.session.set_mesh(entry.handle, record.mesh_name, arrays)
                 entry.owners = set(record.owners)
                 handles.append(entry.handle)
             else:
-                handle = self.session.add_mesh(record.mesh.name, arrays)
+                handle = self.session.add_mesh(record.mesh_name, arrays)
                 self._meshes[pointer] = MeshEntry(handle, set(record.owners))
                 handles.append(handle)
         removed = [self._meshes.pop(pointer).handle for pointer in set(self._meshes) - seen]

@@ -41,6 +41,7 @@ class Record:
     """What all instances of one (object, data, parent) share."""
 
     mesh: Any
+    mesh_name: str
     owners: set[tuple[str, str]]
     name: int
     material_set: int
@@ -167,7 +168,8 @@ class ObjectPass:
             flags |= IS_HOLDOUT
         if obj.is_shadow_catcher or (parent is not None and parent.is_shadow_catcher):
             flags |= IS_SHADOW_CATCHER
-        owners = {("Object", obj.original.name_full), ("Mesh", data.name_full)}
+        source = obj.original.data if obj.original.data is not None else data
+        owners = {("Object", obj.original.name_full), ("Mesh", source.name_full), ("Mesh", data.name_full)}
         if parent is not None:
             owners.add(("Object", parent.original.name_full))
         shading = getattr(obj, "shadow_terminator_shading_offset", None)
@@ -176,6 +178,8 @@ class ObjectPass:
         self.out.records.append(
             Record(
                 mesh=data,
+                # Modified meshes have lost their name; the user knows the original's.
+                mesh_name=source.name,
                 owners=owners,
                 name=self._name(obj.name),
                 material_set=self._material_set(obj, data),
