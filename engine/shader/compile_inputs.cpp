@@ -5,6 +5,8 @@
 namespace talbot::shader {
 namespace {
 
+using I = InputColumn;
+
 void compile_value(NodeContext& n) {
     const scene::NodeOutput* output = n.output("Value");
     n.set("Value", n.e.constant(output ? output->value[0] : 0.0f));
@@ -15,9 +17,208 @@ void compile_rgb(NodeContext& n) {
     n.set_color("Color", output ? n.e.constant3(output->value[0], output->value[1], output->value[2]) : n.e.literal3(0, 0, 0));
 }
 
+/// Coordinates on a lamp are its own parameters; a background has none.
+Value3 uv_coordinates(NodeContext& n, const std::string& name) {
+    Expressions& e = n.e;
+    const auto map = n.attribute(name);
+    const Value u = n.barycentric_u(), v = n.barycentric_v();
+    const Value on_lamp = e.input(I::IsLamp);
+    return {e.select(on_lamp, e.sub(e.sub(e.literal(1), u), v), map[0]), e.select(on_lamp, u, map[1]), e.literal(0)};
+}
+
+void compile_texture_coordinate(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value3 p = n.position(), normal = n.shading_normal(), wo = n.incoming();
+    const bool from_instancer = n.flag("from_instancer");
+    if (n.output_linked("Generated") || n.output_linked("UV")) {
+        const Value dupli = e.emit(Op::Instancer, 0, std::span<const Value>{}, 5);
+        n.set_vector("Generated", from_instancer ? e.triple(dupli) : n.generated());
+        n.set_vector("UV", from_instancer ? Value3{e.after(dupli, 3), e.after(dupli, 4), e.literal(0)} : uv_coordinates(n, scene::kActiveUv));
+    }
+    n.set_vector("Normal", e.normalize(n.to_object(normal, TransformKind::NormalToObject)));
+    const std::vector<float>* object = n.table("object_matrix");
+    n.set_vector("Object", object && object->size() == 12 ? n.affine(*object, p, 0) : n.to_object(p, TransformKind::PointToObject));
+    n.set_vector("Camera", e.emit3(Op::CameraTransform, uint8_t(TransformKind::PointToObject), {p.x, p.y, p.z}));
+    if (n.output_linked("Window")) {
+        if (n.graph().scene.camera.type == scene::CameraType::Panoramic)
+            n.warn("Window coordinates of a panoramic camera are not supported: a perspective is used");
+        const Value window = e.emit(Op::Window, 0, {p.x, p.y, p.z}, 2);
+        n.set_vector("Window", {window, e.after(window, 1), e.literal(0)});
+    }
+    // Mirror direction of the viewer; in the background there is no surface to mirror.
+    const Value3 mirrored = e.sub(e.mul(normal, e.mul(e.dot(normal, wo), 2.0f)), wo);
+    n.set_vector("Reflection", e.select(e.input(I::IsBackground), wo, mirrored));
+}
+
+void compile_uv_map(NodeContext& n) {
+    const std::string& name = n.text("uv_map");
+    if (n.flag("from_instancer")) {
+        const Value dupli = n.e.emit(Op::Instancer, 0, std::span<const Value>{}, 5);
+        return n.set_vector("UV", {n.e.after(dupli, 3), n.e.after(dupli, 4), n.e.literal(0)});
+    }
+    n.set_vector("UV", uv_coordinates(n, name.empty() ? scene::kActiveUv : name));
+}
+
+void compile_geometry(NodeContext& n) {
+    Expressions& e = n.e;
+    n.set_vector("Position", n.position());
+    n.set_vector("Normal", n.shading_normal());
+    n.set_vector("Tangent", n.tangent(""));
+    n.set_vector("True Normal", n.geometric_normal());
+    n.set_vector("Incoming", n.incoming());
+    const Value u = n.barycentric_u(), v = n.barycentric_v();
+    n.set_vector("Parametric", {e.sub(e.sub(e.literal(1), u), v), u, e.literal(0)});
+    n.set("Backfacing", e.input(I::Backfacing));
+    if (n.output_linked("Pointiness")) n.warn("Pointiness is not supported yet: it is 0.5");
+    n.set("Pointiness", e.literal(0.5f));
+    if (n.output_linked("Random Per Island")) {
+        n.warn("Random Per Island is not supported yet: it is random for each object");
+        n.set("Random Per Island", e.emit(Op::ObjectValue, uint8_t(ObjectField::Random), std::span<const Value>{}));
+    }
+}
+
+void compile_object_info(NodeContext& n) {
+    Expressions& e = n.e;
+    const auto field = [&](ObjectField f) { return e.emit(Op::ObjectValue, uint8_t(f), std::span<const Value>{}); };
+    n.set_vector("Location", {field(ObjectField::LocationX), field(ObjectField::LocationY), field(ObjectField::LocationZ)});
+    n.set_color("Color", {field(ObjectField::ColorR), field(ObjectField::ColorG), field(ObjectField::ColorB)});
+    n.set("Alpha", field(ObjectField::Alpha));
+    n.set("Object Index", field(ObjectField::Index));
+    n.set("Material Index", e.constant(float(n.graph().shader.pass_index)));
+    n.set("Random", field(ObjectField::Random));
+}
+
+void set_attribute(NodeContext& n, const std::array<Value, 4>& a) {
+    const Value3 rgb{a[0], a[1], a[2]};
+    n.set_color("Color", rgb);
+    n.set_vector("Vector", rgb);
+    n.set("Fac", n.e.mul(n.e.add(n.e.add(a[0], a[1]), a[2]), 1.0f / 3.0f));
+    n.set("Alpha", a[3]);
+}
+
+void compile_attribute(NodeContext& n) {
+    const int type = n.choice("attribute_type", {"GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"});
+    set_attribute(n, n.attribute(n.text("attribute_name"), type == 0 ? AttributeSource::Geometry : AttributeSource::Object));
+}
+
+void compile_color_attribute(NodeContext& n) {
+    const std::string& name = n.text("layer_name");
+    set_attribute(n, n.attribute(name.empty() ? scene::kActiveColor : name));
+}
+
+void compile_light_path(NodeContext& n) {
+    Expressions& e = n.e;
+    static constexpr std::pair<const char*, I> outputs[] = {
+        {"Is Camera Ray", I::IsCamera},
+        {"Is Shadow Ray", I::IsShadow},
+        {"Is Diffuse Ray", I::IsDiffuse},
+        {"Is Glossy Ray", I::IsGlossy},
+        {"Is Singular Ray", I::IsSingular},
+        {"Is Reflection Ray", I::IsReflection},
+        {"Is Transmission Ray", I::IsTransmission},
+        {"Is Volume Scatter Ray", I::IsVolumeScatter},
+        {"Ray Length", I::RayLength},
+        {"Ray Depth", I::Depth},
+        {"Diffuse Depth", I::DiffuseDepth},
+        {"Glossy Depth", I::GlossyDepth},
+        {"Transparent Depth", I::TransparentDepth},
+        {"Transmission Depth", I::TransmissionDepth},
+    };
+    for (const auto& [name, column] : outputs) n.set(name, e.input(column));
+    n.set("Portal Depth", e.literal(0));
+}
+
+void compile_camera_data(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value3 p = n.position();
+    const Value3 c = e.emit3(Op::CameraTransform, uint8_t(TransformKind::PointToObject), {p.x, p.y, p.z});
+    n.set_vector("View Vector", e.normalize(c));
+    n.set("View Z Depth", c.z);
+    n.set("View Distance", e.length(c));
+}
+
+void compile_fresnel(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value eta = e.max(n.value("IOR", 1.5f), 1e-5f);
+    const Value inside = e.select(e.input(I::Backfacing), e.div(e.literal(1), eta), eta);
+    n.set("Fac", e.emit(Op::Fresnel, 0, {e.dot(n.incoming(), n.normal()), inside}));
+}
+
+void compile_layer_weight(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value cosine = e.dot(n.incoming(), n.normal()), blend = n.value("Blend", 0.5f);
+    const Value eta = e.max(e.one_minus(blend), 1e-5f);
+    n.set("Fresnel", e.emit(Op::Fresnel, 0, {cosine, e.select(e.input(I::Backfacing), eta, e.div(e.literal(1), eta))}));
+    const Value b = e.ternary(TernaryKind::Clamp, blend, e.literal(0), e.literal(1 - 1e-5f));
+    const Value low = e.mul(b, 2.0f), high = e.div(e.literal(0.5f), e.one_minus(b));
+    const Value exponent = e.select(e.binary(BinaryKind::LessThan, b, e.literal(0.5f)), low, high);
+    n.set("Facing", e.one_minus(e.binary(BinaryKind::Power, e.unary(UnaryKind::Absolute, cosine), exponent)));
+}
+
+void compile_light_falloff(NodeContext& n) {
+    // The lamp's own 1/d^2 is turned into 1/d or a constant. Nothing to turn for distant light.
+    Expressions& e = n.e;
+    const Value d = e.input(I::RayLength), d2 = e.mul(d, d), smooth = n.value("Smooth");
+    const Value far = e.binary(BinaryKind::GreaterThan, d, e.literal(1e17f));
+    const Value softened = e.select(e.binary(BinaryKind::GreaterThan, smooth, e.literal(0)), e.div(d2, e.add(smooth, d2)), e.literal(1));
+    const Value strength = e.mul(n.value("Strength", 100), e.select(far, e.literal(1), softened));
+    n.set("Quadratic", strength);
+    n.set("Linear", e.mul(strength, e.select(far, e.literal(1), d)));
+    n.set("Constant", e.mul(strength, e.select(far, e.literal(1), d2)));
+}
+
+void compile_particle_info(NodeContext& n) {
+    n.warn("Particle Info is not supported yet: its outputs are zero");
+    const Value zero = n.e.literal(0);
+    for (const char* name : {"Index", "Random", "Age", "Lifetime", "Size"}) n.set(name, zero);
+    for (const char* name : {"Location", "Velocity", "Angular Velocity"}) n.set_vector(name, n.e.spread(zero));
+}
+
+/// Meshes are no strands, points or volumes: what these nodes say about them is zero, as in Cycles.
+void compile_not_this_geometry(NodeContext& n) {
+    const Value zero = n.e.literal(0);
+    for (const char* name : {"Is Strand", "Intercept", "Length", "Thickness", "Random", "Radius", "Density", "Flame", "Temperature"}) n.set(name, zero);
+    for (const char* name : {"Tangent Normal", "Position"}) n.set_vector(name, n.e.spread(zero));
+    n.set_color("Color", n.e.spread(zero));
+}
+
+void compile_ambient_occlusion(NodeContext& n) {
+    n.warn("Ambient Occlusion is not supported yet: nothing is occluded");
+    n.set_color("Color", n.color("Color", {1, 1, 1}));
+    n.set("AO", n.e.literal(1));
+}
+
+void compile_bevel(NodeContext& n) {
+    n.warn("Bevel is not supported yet: its normal passes");
+    n.set_vector("Normal", n.normal());
+}
+
+void compile_wireframe(NodeContext& n) {
+    n.warn("Wireframe is not supported yet: it is zero");
+    n.set("Fac", n.e.literal(0));
+}
+
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeValue", compile_value},
     {"ShaderNodeRGB", compile_rgb},
+    {"ShaderNodeTexCoord", compile_texture_coordinate},
+    {"ShaderNodeUVMap", compile_uv_map},
+    {"ShaderNodeNewGeometry", compile_geometry},
+    {"ShaderNodeObjectInfo", compile_object_info},
+    {"ShaderNodeAttribute", compile_attribute},
+    {"ShaderNodeVertexColor", compile_color_attribute},
+    {"ShaderNodeLightPath", compile_light_path},
+    {"ShaderNodeCameraData", compile_camera_data},
+    {"ShaderNodeFresnel", compile_fresnel},
+    {"ShaderNodeLayerWeight", compile_layer_weight},
+    {"ShaderNodeLightFalloff", compile_light_falloff},
+    {"ShaderNodeParticleInfo", compile_particle_info},
+    {"ShaderNodeHairInfo", compile_not_this_geometry},
+    {"ShaderNodePointInfo", compile_not_this_geometry},
+    {"ShaderNodeVolumeInfo", compile_not_this_geometry},
+    {"ShaderNodeAmbientOcclusion", compile_ambient_occlusion},
+    {"ShaderNodeBevel", compile_bevel},
+    {"ShaderNodeWireframe", compile_wireframe},
 };
 
 }  // namespace

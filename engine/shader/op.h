@@ -35,8 +35,6 @@ enum class Op : uint16_t {
     Blend,          ///< factor, a rgb, b rgb -> rgb. variant: BlendKind
     ColorConvert,   ///< 3 -> 3. variant: ConvertKind
     HueSaturation,  ///< hue, saturation, value, factor, rgb -> rgb
-    Blackbody,      ///< kelvin -> rgb, Rec.709
-    Wavelength,     ///< nm -> rgb, Rec.709
     Ramp,           ///< factor, offset bits, count bits -> rgba. variant: 1 constant interpolation
     Curve,          ///< x, offset bits, count bits, min, 1/(max - min) -> y. variant: 1 extrapolate
 
@@ -44,11 +42,11 @@ enum class Op : uint16_t {
     Project,      ///< vector -> u, v. variant: ProjectKind
     BoxWeights,   ///< normal, blend, -> 3 weights
     Image,        ///< u, v, handle bits -> rgba. variant: interpolation * 4 + extension. Not foldable
-    Noise,        ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: NoiseVariant bits
-    SignedNoise,  ///< x, y, z, w -> signed Perlin. variant: NoiseVariant bits
-    Voronoi,      ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: VoronoiVariant bits; data: VoronoiFlags
+    Noise,        ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: noise_variant
+    SignedNoise,  ///< x, y, z, w -> signed Perlin. variant: noise_variant
+    Voronoi,      ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: 1 integer hash
     WhiteNoise,   ///< x, y, z, w -> value, r, g, b. variant: dimensions
-    Wave,         ///< x, y, z (scaled), distortion, detail, detail scale, detail roughness, phase -> fac. variant: WaveVariant
+    Wave,         ///< x, y, z (scaled), phase (distortion included) -> fac. variant: wave_variant
     Magic,        ///< x, y, z, scale, distortion -> rgb. variant: depth; data: 1 wrap before scale
     Brick,        ///< x, y, z, scale, mortar size, mortar smooth, bias, width, height, offset, squash -> tint, mortar. data: frequencies (offset, squash)
     Checker,      ///< x, y, z (scaled) -> 0 or 1
@@ -56,7 +54,7 @@ enum class Op : uint16_t {
 
     // Surface
     Fresnel,  ///< cosine, eta -> reflectance
-    Bump,     ///< normal, dPdx, dPdy, h, hx, hy, strength, distance, filter width -> normal
+    Bump,     ///< normal, dP/dx, dP/dy, h, hx, hy, strength, distance, filter width -> normal
     Random,   ///< -> u, v. data: dimension salt. Not foldable
 
     // Closure parameters: kernels/ops_closure*.cpp
@@ -132,6 +130,7 @@ enum class VectorKind : uint8_t {
     FaceForward,  ///< 9 -> 3
     RotateAxis,   ///< vector, axis, angle -> 3
     EulerMatrix,  ///< xyz angles -> 9, row-major, X first
+    Basis,        ///< unit normal -> two unit vectors that make it a right-handed frame (3 -> 6)
     SafeNormal,   ///< vector, fallback -> unit vector; the fallback where the vector is zero or not finite
 };
 

@@ -11,16 +11,13 @@ struct Semantics {
     bool noise_roughness_clamped = false;  ///< roughness of fractal noise is limited to 1 (3.4)
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; 3.4 hashes floats
     bool magic_wraps_before_scale = false;
-    bool bump_filter_width = true;   ///< Bump has a Filter Width; earlier 1
-    bool tangent_y_mirrored = true;  ///< Tangent node, axis Y
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
     Semantics s;
     s.version = version;
-    s.noise_wraps = s.voronoi_integer_hash = s.tangent_y_mirrored = version >= 402;
+    s.noise_wraps = s.voronoi_integer_hash = version >= 402;
     s.noise_roughness_clamped = s.magic_wraps_before_scale = version < 402;
-    s.bump_filter_width = version >= 405;
     return s;
 }
 

@@ -66,13 +66,68 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::ShiftBarycentrics:
                 op_shift_barycentrics(r, n, scope);
                 break;
+            case Op::Blend:
+                op_blend(i, r, n);
+                break;
+            case Op::ColorConvert:
+                op_color_convert(i, r, n);
+                break;
+            case Op::HueSaturation:
+                op_hue_saturation(r, n);
+                break;
+            case Op::Ramp:
+                op_ramp(i, r, n, scope);
+                break;
+            case Op::Curve:
+                op_curve(i, r, n, scope);
+                break;
+            case Op::Project:
+                op_project(i, r, n);
+                break;
+            case Op::BoxWeights:
+                op_box_weights(r, n);
+                break;
+            case Op::Image:
+                op_image(i, r, n, scope);
+                break;
+            case Op::Noise:
+                op_noise(i, r, n);
+                break;
+            case Op::SignedNoise:
+                op_signed_noise(i, r, n);
+                break;
+            case Op::Voronoi:
+                op_voronoi(i, r, n);
+                break;
+            case Op::WhiteNoise:
+                op_white_noise(i, r, n);
+                break;
+            case Op::Wave:
+                op_wave(i, r, n);
+                break;
+            case Op::Magic:
+                op_magic(i, r, n);
+                break;
+            case Op::Brick:
+                op_brick(i, r, n);
+                break;
+            case Op::Checker:
+                op_checker(r, n);
+                break;
+            case Op::Gradient:
+                op_gradient(i, r, n);
+                break;
+            case Op::Fresnel:
+                op_fresnel(r, n);
+                break;
+            case Op::Bump:
+                op_bump(r, n);
+                break;
             case Op::Random:
                 op_random(i, r, n, scope);
                 break;
             case Op::Closure:
                 op_closure(i, r, n, scope);
-                break;
-            default:
                 break;
         }
     }

@@ -40,8 +40,6 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& scope);
 void op_blend(const Instruction& i, Registers r, int n);
 void op_color_convert(const Instruction& i, Registers r, int n);
 void op_hue_saturation(Registers r, int n);
-void op_blackbody(Registers r, int n);
-void op_wavelength(Registers r, int n);
 void op_ramp(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_curve(const Instruction& i, Registers r, int n, const OpScope& scope);
 

@@ -288,6 +288,20 @@ void op_vector(const Instruction& i, Registers r, int n) {
             }
             return;
         }
+        case VectorKind::Basis: {
+            TALBOT_VECTOR_LOOP
+            for (int k = 0; k < n; ++k) {
+                Vec3 t, b;
+                make_basis(read3(r, 6, k), t, b);
+                r[0][k] = t.x;
+                r[1][k] = t.y;
+                r[2][k] = t.z;
+                r[3][k] = b.x;
+                r[4][k] = b.y;
+                r[5][k] = b.z;
+            }
+            return;
+        }
         case VectorKind::SafeNormal:
             return map_v2(r, n, [](Vec3 a, Vec3 b) {
                 const float l2 = dot(a, a);

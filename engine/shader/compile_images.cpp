@@ -1,0 +1,126 @@
+// Image and Environment Texture, Sky Texture.
+#include <cmath>
+
+#include "shader/catalogue.h"
+#include "shader/graph_compiler.h"
+
+namespace talbot::shader {
+namespace {
+
+struct Sample {
+    Value3 rgb;
+    Value alpha;
+};
+
+Sample lookup(NodeContext& n, Value u, Value v, int extension) {
+    Expressions& e = n.e;
+    const int interpolation = n.choice("interpolation", {"Linear", "Closest", "Cubic", "Smart"});
+    const Value handle = e.constant_bits(uint32_t(int32_t(n.number("image", -1))));
+    const Value out = e.emit(Op::Image, uint8_t(interpolation * 4 + extension), {u, v, handle}, 4);
+    return {e.triple(out), e.after(out, 3)};
+}
+
+Sample box(NodeContext& n, Value3 p, int extension) {
+    // Three planes, weighed by the object-space normal.
+    Expressions& e = n.e;
+    const Value3 normal = e.normalize(n.to_object(n.shading_normal(), TransformKind::NormalToObject));
+    const Value3 w = e.emit3(Op::BoxWeights, 0, {normal.x, normal.y, normal.z, e.constant(float(n.number("projection_blend")))});
+    const Value zero = e.literal(0);
+    const auto flipped = [&](Value positive, Value x) { return e.select(positive, e.one_minus(x), x); };
+    const Value back_x = e.binary(BinaryKind::LessThan, normal.x, zero), front_y = e.binary(BinaryKind::GreaterThan, normal.y, zero);
+    const Value front_z = e.binary(BinaryKind::GreaterThan, normal.z, zero);
+    const Sample x = lookup(n, flipped(back_x, p.y), p.z, extension), y = lookup(n, flipped(front_y, p.x), p.z, extension);
+    const Sample z = lookup(n, flipped(front_z, p.y), p.x, extension);
+    const auto sum = [&](Value a, Value b, Value c) { return e.add(e.add(e.mul(a, w.x), e.mul(b, w.y)), e.mul(c, w.z)); };
+    return {{sum(x.rgb.x, y.rgb.x, z.rgb.x), sum(x.rgb.y, y.rgb.y, z.rgb.y), sum(x.rgb.z, y.rgb.z, z.rgb.z)}, sum(x.alpha, y.alpha, z.alpha)};
+}
+
+/// True where the node's alpha is a separate thing: the colour is divided by it when both are used.
+bool unassociates(NodeContext& n) {
+    const int handle = int(n.number("image", -1));
+    const auto& images = n.graph().scene.images;
+    if (!n.output_linked("Alpha") || handle < 0 || size_t(handle) >= images.size() || !images[size_t(handle)]) return false;
+    const scene::Image& image = *images[size_t(handle)];
+    const bool is_data = image.colorspace == "Non-Color" || image.colorspace == "Raw" || image.colorspace == "Generic Data";
+    return !is_data && image.alpha != scene::AlphaMode::ChannelPacked && image.alpha != scene::AlphaMode::None;
+}
+
+void compile_image(NodeContext& n) {
+    Expressions& e = n.e;
+    if (int(n.number("image", -1)) < 0) n.warn("Image Texture without an image: magenta");
+    // Unlinked coordinates are the active UV map.
+    Value3 p;
+    if (n.linked("Vector")) {
+        p = n.vector("Vector");
+    } else {
+        const auto map = n.attribute(scene::kActiveUv);
+        const Value on_lamp = e.input(InputColumn::IsLamp), u = n.barycentric_u(), v = n.barycentric_v();
+        p = {e.select(on_lamp, e.sub(e.sub(e.literal(1), u), v), map[0]), e.select(on_lamp, u, map[1]), e.literal(0)};
+    }
+    p = n.texture_mapping(p);
+    const int extension = n.choice("extension", {"REPEAT", "EXTEND", "CLIP", "MIRROR"});
+    const int projection = n.choice("projection", {"FLAT", "BOX", "SPHERE", "TUBE"});
+    Sample s;
+    if (projection == 1) {
+        s = box(n, p, extension);
+    } else {
+        Value u = p.x, v = p.y;
+        if (projection >= 2) {
+            // Around the middle of the unit cube.
+            const auto centred = [&](Value x) { return e.add(e.mul(x, 2.0f), -1.0f); };
+            const ProjectKind kind = projection == 2 ? ProjectKind::Sphere : ProjectKind::Tube;
+            u = e.emit(Op::Project, uint8_t(kind), {centred(p.x), centred(p.y), centred(p.z)}, 2);
+            v = e.after(u, 1);
+        }
+        s = lookup(n, u, v, extension);
+    }
+    if (unassociates(n)) {
+        const Value scale = e.select(s.alpha, e.div(e.literal(1), s.alpha), e.literal(1));
+        s.rgb = e.mul(s.rgb, scale);
+    }
+    n.set_color("Color", s.rgb);
+    n.set("Alpha", s.alpha);
+}
+
+void compile_environment(NodeContext& n) {
+    Expressions& e = n.e;
+    if (int(n.number("image", -1)) < 0) n.warn("Environment Texture without an image: magenta");
+    const Value3 d = n.texture_mapping(n.linked("Vector") ? n.vector("Vector") : n.position());
+    const int projection = n.choice("projection", {"EQUIRECTANGULAR", "MIRROR_BALL"});
+    const ProjectKind kind = projection == 0 ? ProjectKind::Equirectangular : ProjectKind::MirrorBall;
+    const Value u = e.emit(Op::Project, uint8_t(kind), {d.x, d.y, d.z}, 2);
+    n.set_color("Color", lookup(n, u, e.after(u, 1), 0).rgb);
+}
+
+void compile_sky(NodeContext& n) {
+    // A plain clear-sky gradient of about the right brightness, until the real models are here.
+    Expressions& e = n.e;
+    n.warn("Sky Texture '" + n.text("sky_type") + "' is not supported yet: a plain gradient without sun is used");
+    const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : n.generated());
+    const float sun = std::sin(float(n.number("sun_elevation", 0.26)));
+    const float level = clampf(0.1f + sun, 0.02f, 1.0f);
+    const Value up = e.sqrt(e.max(d.z, 0.0f));
+    const Value3 sky = e.lerp(e.constant3(0.75f * level, 0.85f * level, 0.95f * level), e.constant3(0.12f * level, 0.25f * level, 0.6f * level), up);
+    const Value below = e.saturate(e.mul(d.z, -4.0f));
+    n.set_color("Color", e.lerp(sky, e.constant3(0.1f * level, 0.1f * level, 0.1f * level), below));
+}
+
+void compile_ies(NodeContext& n) {
+    n.warn("IES Texture is not supported yet: the lamp shines evenly");
+    n.set("Fac", n.value("Strength", 1));
+}
+
+constexpr CatalogueEntry kEntries[] = {
+    {"ShaderNodeTexImage", compile_image},
+    {"ShaderNodeTexEnvironment", compile_environment},
+    {"ShaderNodeTexSky", compile_sky},
+    {"ShaderNodeTexIES", compile_ies},
+};
+
+}  // namespace
+
+std::span<const CatalogueEntry> image_nodes() {
+    return kEntries;
+}
+
+}  // namespace talbot::shader

@@ -1,0 +1,149 @@
+/// Integer hashes of cells and coordinates, as Blender's textures use them (their patterns are part of the pictures).
+///
+/// hash_words: the final mixing (with one more round for four words) of Bob Jenkins' public-domain lookup3, 2006.
+/// pcg_*: [Jarzynski & Olano 2020, "Hash Functions for GPU Rendering"].
+#pragma once
+
+#include "base/lanes.h"
+
+namespace talbot::shader {
+
+TALBOT_INLINE uint32_t rotate_left(uint32_t x, int k) {
+    return (x << k) | (x >> (32 - k));
+}
+
+namespace detail {
+TALBOT_INLINE uint32_t jenkins_final(uint32_t a, uint32_t b, uint32_t c) {
+    c ^= b;
+    c -= rotate_left(b, 14);
+    a ^= c;
+    a -= rotate_left(c, 11);
+    b ^= a;
+    b -= rotate_left(a, 25);
+    c ^= b;
+    c -= rotate_left(b, 16);
+    a ^= c;
+    a -= rotate_left(c, 4);
+    b ^= a;
+    b -= rotate_left(a, 14);
+    c ^= b;
+    c -= rotate_left(b, 24);
+    return c;
+}
+inline constexpr uint32_t jenkins_start(uint32_t words) {
+    return 0xdeadbeefu + (words << 2) + 13u;
+}
+}  // namespace detail
+
+TALBOT_INLINE uint32_t hash_words(uint32_t x) {
+    const uint32_t s = detail::jenkins_start(1);
+    return detail::jenkins_final(s + x, s, s);
+}
+TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y) {
+    const uint32_t s = detail::jenkins_start(2);
+    return detail::jenkins_final(s + x, s + y, s);
+}
+TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y, uint32_t z) {
+    const uint32_t s = detail::jenkins_start(3);
+    return detail::jenkins_final(s + x, s + y, s + z);
+}
+TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
+    const uint32_t s = detail::jenkins_start(4);
+    uint32_t a = s + x, b = s + y, c = s + z;
+    a -= c;
+    a ^= rotate_left(c, 4);
+    c += b;
+    b -= a;
+    b ^= rotate_left(a, 6);
+    a += c;
+    c -= b;
+    c ^= rotate_left(b, 8);
+    b += a;
+    a -= c;
+    a ^= rotate_left(c, 16);
+    c += b;
+    b -= a;
+    b ^= rotate_left(a, 19);
+    a += c;
+    c -= b;
+    c ^= rotate_left(b, 4);
+    b += a;
+    return detail::jenkins_final(a + w, b, c);
+}
+
+/// [0, 1]
+TALBOT_INLINE float hash_to_unit(uint32_t h) {
+    // In two halves: conversion of unsigned words is not vectorised everywhere.
+    return (float(int32_t(h >> 16)) * 65536.0f + float(int32_t(h & 0xffffu))) * (1.0f / 4294967295.0f);
+}
+
+// Floats are hashed by their bits.
+TALBOT_INLINE float unit_hash(float x) {
+    return hash_to_unit(hash_words(as_uint(x)));
+}
+TALBOT_INLINE float unit_hash(float x, float y) {
+    return hash_to_unit(hash_words(as_uint(x), as_uint(y)));
+}
+TALBOT_INLINE float unit_hash(float x, float y, float z) {
+    return hash_to_unit(hash_words(as_uint(x), as_uint(y), as_uint(z)));
+}
+TALBOT_INLINE float unit_hash(float x, float y, float z, float w) {
+    return hash_to_unit(hash_words(as_uint(x), as_uint(y), as_uint(z), as_uint(w)));
+}
+
+struct Hash4 {
+    float x, y, z, w;
+};
+
+namespace detail {
+TALBOT_INLINE float pcg_unit(uint32_t v) {
+    return float(int32_t(v & 0x7fffffffu)) * (1.0f / 2147483647.0f);
+}
+/// Signed words: the shift keeps the sign.
+TALBOT_INLINE uint32_t fold16(uint32_t v) {
+    return v ^ uint32_t(int32_t(v) >> 16);
+}
+}  // namespace detail
+
+TALBOT_INLINE Hash4 pcg_2d(int32_t i, int32_t j) {
+    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u;
+    x += y * 1664525u;
+    y += x * 1664525u;
+    x = detail::fold16(x);
+    y = detail::fold16(y);
+    x += y * 1664525u;
+    y += x * 1664525u;
+    return {detail::pcg_unit(x), detail::pcg_unit(y), 0, 0};
+}
+TALBOT_INLINE Hash4 pcg_3d(int32_t i, int32_t j, int32_t k) {
+    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u, z = uint32_t(k) * 1664525u + 1013904223u;
+    x += y * z;
+    y += z * x;
+    z += x * y;
+    x = detail::fold16(x);
+    y = detail::fold16(y);
+    z = detail::fold16(z);
+    x += y * z;
+    y += z * x;
+    z += x * y;
+    return {detail::pcg_unit(x), detail::pcg_unit(y), detail::pcg_unit(z), 0};
+}
+TALBOT_INLINE Hash4 pcg_4d(int32_t i, int32_t j, int32_t k, int32_t l) {
+    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u;
+    uint32_t z = uint32_t(k) * 1664525u + 1013904223u, w = uint32_t(l) * 1664525u + 1013904223u;
+    x += y * w;
+    y += z * x;
+    z += x * y;
+    w += y * z;
+    x = detail::fold16(x);
+    y = detail::fold16(y);
+    z = detail::fold16(z);
+    w = detail::fold16(w);
+    x += y * w;
+    y += z * x;
+    z += x * y;
+    w += y * z;
+    return {detail::pcg_unit(x), detail::pcg_unit(y), detail::pcg_unit(z), detail::pcg_unit(w)};
+}
+
+}  // namespace talbot::shader
