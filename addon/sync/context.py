@@ -13,6 +13,7 @@ ACTIVE_COLOR = "@color"
 ACTIVE_TANGENT = "@tangent"
 GENERATED = "@generated"
 INSTANCER = "@instancer"
+PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER": "layer:"}
 """Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, and the instancer's coordinates."""
 
 
@@ -26,7 +27,7 @@ class SyncContext:
     warnings: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
     wanted: set[str] = field(default_factory=set)
-    """Attributes some shader reads; "@tangent:NAME" for tangents, "object:NAME" for object properties."""
+    """Attributes some shader reads; "@tangent:NAME" for tangents, properties behind a prefix."""
 
     def warn(self, text: str) -> None:
         """Adds a warning once."""

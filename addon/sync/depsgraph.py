@@ -16,6 +16,7 @@ from .images import ImageSync
 from .materials import ShaderSync
 from .mesh import read_mesh
 from .objects import Gathered, ObjectPass, Record, object_arrays
+from .unsupported import warn_scene
 from .world import world_values
 
 Key = tuple[str, str]
@@ -87,6 +88,7 @@ class SceneSync:
         self._forget()
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height, preview)
+        warn_scene(context, scene, view_layer)
         self.shaders.begin(None)
         self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, world=True, scene=True))
         if not viewport and scene.camera is not None:

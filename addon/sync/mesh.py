@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .context import ACTIVE_COLOR, ACTIVE_TANGENT, ACTIVE_UV, GENERATED, INSTANCER, SyncContext
+from .context import (
+    ACTIVE_COLOR,
+    ACTIVE_TANGENT,
+    ACTIVE_UV,
+    GENERATED,
+    INSTANCER,
+    PROPERTY_PREFIXES,
+    SyncContext,
+)
 from .tangents import corner_tangents
 
 F32 = NDArray[np.float32]
@@ -160,7 +168,7 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
             wanted.add(_active_color(mesh))
         elif name == ACTIVE_TANGENT:
             wanted.add(f"@tangent:{active.name}" if active is not None else "")
-        elif not name.startswith("object:") and name != INSTANCER:
+        elif not name.startswith(tuple(PROPERTY_PREFIXES.values())) and name != INSTANCER:
             wanted.add(name)
     wanted.discard("")
     out: list[tuple[str, str, bool, Any]] = []

@@ -12,7 +12,15 @@ import numpy as np
 from mathutils import Euler, Matrix
 from numpy.typing import NDArray
 
-from .context import ACTIVE_COLOR, ACTIVE_TANGENT, ACTIVE_UV, GENERATED, INSTANCER, SyncContext
+from .context import (
+    ACTIVE_COLOR,
+    ACTIVE_TANGENT,
+    ACTIVE_UV,
+    GENERATED,
+    INSTANCER,
+    PROPERTY_PREFIXES,
+    SyncContext,
+)
 from .images import ImageSync
 from .nodes_flatten import FlatNode, Flattener, Source
 
@@ -192,7 +200,7 @@ class GraphBuilder:
         elif kind == "ShaderNodeVertexColor":
             wanted.add(properties.get("layer_name") or ACTIVE_COLOR)
         elif kind == "ShaderNodeAttribute" and properties.get("attribute_name"):
-            prefix = "" if properties.get("attribute_type", "GEOMETRY") == "GEOMETRY" else "object:"
+            prefix = PROPERTY_PREFIXES.get(properties.get("attribute_type", "GEOMETRY"), "")
             wanted.add(prefix + properties["attribute_name"])
         elif kind == "ShaderNodeNormalMap" and properties.get("space") == "TANGENT":
             uv = properties.get("uv_map")

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import versions
-from .context import INSTANCER, SyncContext
+from .context import INSTANCER, PROPERTY_PREFIXES, SyncContext
 from .lights import light_values
 from .materials import ShaderSync
+from .unsupported import warn_kind, warn_object
 
 VISIBILITY = (
     ("visible_camera", 1),
@@ -24,16 +25,6 @@ VISIBILITY = (
 )
 IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
 SKIP, LIGHT = -1, -2
-
-UNSUPPORTED = {
-    "CURVES": "hair curves",
-    "POINTCLOUD": "point clouds",
-    "VOLUME": "volumes",
-    "GPENCIL": "grease pencil",
-    "GREASEPENCIL": "grease pencil",
-}
-NAMED_SILENTLY = {"GPENCIL", "GREASEPENCIL"}
-"""Blender draws grease pencil itself, over the finished picture."""
 
 
 @dataclass
@@ -130,9 +121,9 @@ class ObjectPass:
         wanted = self.shaders.wanted()
         if INSTANCER in wanted and any(dupli):
             self._read_dupli(instances, count)
-        names = sorted(name.removeprefix("object:") for name in wanted if name.startswith("object:"))
-        for record in out.records if names else ():
-            record.attribute_set = self._attribute_set(record.holders, names)
+        properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))
+        for record in out.records if properties else ():
+            record.attribute_set = self._attribute_set(record.holders, properties)
         return out
 
     def _read_dupli(self, instances: Any, count: int) -> None:
@@ -151,12 +142,11 @@ class ObjectPass:
     def _record(self, obj: Any, data: Any, parent: Any) -> int:
         kind = obj.type
         if parent is None:
-            self._warn_hair(obj)
+            warn_object(self.context, obj, self.depsgraph.scene_eval)
         if kind == "LIGHT":
             return LIGHT
         if kind != "MESH":
-            if kind in UNSUPPORTED and kind not in NAMED_SILENTLY:
-                self.context.warn(f"Object '{obj.name}': {UNSUPPORTED[kind]} are not supported yet and not rendered")
+            warn_kind(self.context, obj)
             return SKIP
         visibility = self._visibility(obj, parent)
         if not self.view_layer.use_solid or visibility == 0 or not (len(data.polygons) or data.is_editmode):
@@ -225,11 +215,13 @@ class ObjectPass:
             self.out.material_sets.append(list(handles))
         return index
 
-    def _attribute_set(self, holders: tuple[Any, ...], names: list[str]) -> int:
-        """Custom properties that some shader asks for by name; the instancer's come first."""
+    def _attribute_set(self, holders: tuple[Any, ...], properties: list[str]) -> int:
+        """Custom properties that some shader asks for by name."""
+        owners = {"object": holders[-1:], "instancer": holders, "layer": (self.view_layer, self.depsgraph.scene_eval)}
         values = []
-        for name in names:
-            found = next((v for v in (object_property(holder, name) for holder in holders) if v), None)
+        for wanted in properties:
+            prefix, name = wanted.split(":", 1)
+            found = next((v for v in (named_property(owner, name) for owner in owners[prefix]) if v), None)
             if found is not None:
                 values.append((name, found))
         if not values:
@@ -240,12 +232,6 @@ class ObjectPass:
             index = self._attributes[key] = len(self.out.attribute_sets)
             self.out.attribute_sets.append(values)
         return index
-
-    def _warn_hair(self, obj: Any) -> None:
-        for system in obj.particle_systems:
-            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-                self.context.warn(f"Object '{obj.name}': particle hair is not supported yet and not rendered")
-                return
 
 
 def name_key(name: str) -> int:
@@ -274,9 +260,9 @@ def mixed_keys(keys: NDArray[np.uint32]) -> NDArray[np.uint32]:
     return mix(c, b, 24)
 
 
-def object_property(obj: Any, name: str) -> tuple[float, ...] | None:
-    """A custom property of an object or its data, or a property by its path, as 1 to 4 numbers."""
-    for owner in (obj, obj.data):
+def named_property(holder: Any, name: str) -> tuple[float, ...] | None:
+    """A custom property of a datablock (of an object: or its data), or a property by its path, as 1 to 4 numbers."""
+    for owner in (holder, getattr(holder, "data", None)):
         if owner is None:
             continue
         value = owner.get(name)

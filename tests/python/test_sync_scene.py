@@ -368,6 +368,27 @@ def test_hidden_and_unsupported(empty_scene: Any) -> None:
     ]
 
 
+def test_what_is_missing_is_said(empty_scene: Any) -> None:
+    scene = bpy.context.scene
+    add_mesh("Plain", SQUARE, [(0, 1, 2, 3)])
+    _, _, result = synchronise()
+    assert result.warnings == []
+    scene.render.use_motion_blur = True
+    scene.cycles.use_fast_gi = True
+    obj = add_mesh("Linked", SQUARE, [(0, 1, 2, 3)])
+    expected = {
+        "Scene 'Scene': motion blur is not supported yet",
+        "Scene 'Scene': fast global illumination is ignored; the full one is rendered",
+    }
+    if hasattr(obj, "light_linking"):
+        obj.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
+        expected.add("Object 'Linked': light linking is not supported yet; its light reaches everything")
+    _, _, result = synchronise()
+    assert set(result.warnings) == expected
+    _, _, result = synchronise(viewport=True)
+    assert "Scene 'Scene': motion blur is not supported yet" not in result.warnings, "viewports show none"
+
+
 def test_material_override_and_custom_properties(empty_scene: Any) -> None:
     obj = add_mesh("Props", SQUARE, [(0, 1, 2, 3)])
     obj["wear"] = 0.75
@@ -375,6 +396,13 @@ def test_material_override_and_custom_properties(empty_scene: Any) -> None:
     session, _, _ = synchronise()
     index = session.objects["attribute_set"][0]
     assert session.objects["attribute_sets"][index] == [("wear", (0.75,))]
+    material = obj.data.materials[0]
+    node = next(n for n in material.node_tree.nodes if n.type == "ATTRIBUTE")
+    node.attribute_type = "VIEW_LAYER"
+    bpy.context.scene["wear"] = (1.0, 2.0, 3.0)
+    bpy.context.scene.update_tag()
+    session, _, _ = synchronise()
+    assert session.objects["attribute_sets"] == [[("wear", (1.0, 2.0, 3.0))]]
     bpy.context.view_layer.material_override = bpy.data.materials.new("Override")
     session, _, _ = synchronise()
     assert [session.shaders[h][0] for h in session.objects["material_sets"][0]] == ["Material 'Override'"]

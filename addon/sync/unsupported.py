@@ -1,0 +1,43 @@
+"""What Cycles would render and the engine cannot yet: said by name, so that no picture is silently another one."""
+
+from typing import Any
+
+from .. import versions
+from .context import SyncContext
+
+KINDS = {"CURVES": "hair curves", "POINTCLOUD": "point clouds", "VOLUME": "volumes"}
+"""Kinds of object that are left out. (Grease pencil is drawn by Blender, over the finished picture.)"""
+
+
+def warn_kind(context: SyncContext, obj: Any) -> None:
+    """An object of a kind that is left out."""
+    if obj.type in KINDS:
+        context.warn(f"Object '{obj.name}': {KINDS[obj.type]} are not supported yet and not rendered")
+
+
+def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
+    """An object with something on it that is left out."""
+    where = f"Object '{obj.name}'"
+    for system in obj.particle_systems:
+        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+            context.warn(f"{where}: particle hair is not supported yet and not rendered")
+            break
+    linking = getattr(obj, "light_linking", None)
+    if linking is not None and (linking.receiver_collection is not None or linking.blocker_collection is not None):
+        context.warn(f"{where}: light linking is not supported yet; its light reaches everything")
+    cycles = versions.cycles_settings(obj)
+    experimental = versions.cycles_settings(scene).get("feature_set", "SUPPORTED") == "EXPERIMENTAL"
+    adaptive = experimental and cycles.get("use_adaptive_subdivision", False)
+    if adaptive or any(getattr(m, "use_adaptive_subdivision", False) for m in obj.modifiers if m.type == "SUBSURF"):
+        context.warn(f"{where}: adaptive subdivision is not supported yet; the modifier's levels are used")
+    if scene.render.use_simplify and (cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)):
+        context.warn(f"{where}: culling is not supported yet; it is rendered wherever it is")
+
+
+def warn_scene(context: SyncContext, scene: Any, view_layer: Any) -> None:
+    """Settings of the scene whose effect is missing."""
+    cycles = versions.cycles_settings(scene)
+    if not context.viewport and scene.render.use_motion_blur and view_layer.use_motion_blur:
+        context.warn(f"Scene '{scene.name}': motion blur is not supported yet")
+    if cycles.get("use_fast_gi", False):
+        context.warn(f"Scene '{scene.name}': fast global illumination is ignored; the full one is rendered")
