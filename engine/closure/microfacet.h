@@ -28,8 +28,10 @@ inline constexpr uint8_t kVariantFresnelMask = 15;
 inline constexpr uint8_t kVariantBeckmann = 16;     ///< else GGX
 inline constexpr uint8_t kVariantAnisotropic = 32;  ///< else the tangent columns are not used (but must exist)
 
-inline constexpr uint8_t microfacet_variant(FresnelKind fresnel, bool beckmann = false, bool anisotropic = false) {
-    return uint8_t(uint8_t(fresnel) | (beckmann ? kVariantBeckmann : 0) | (anisotropic ? kVariantAnisotropic : 0));
+inline constexpr uint8_t kVariantCorrelated = 64;  ///< height-correlated shadowing in every version (lobes with energy compensation, whose tables assume it)
+
+inline constexpr uint8_t microfacet_variant(FresnelKind fresnel, bool beckmann = false, bool anisotropic = false, bool correlated = false) {
+    return uint8_t(uint8_t(fresnel) | (beckmann ? kVariantBeckmann : 0) | (anisotropic ? kVariantAnisotropic : 0) | (correlated ? kVariantCorrelated : 0));
 }
 
 /// Number of parameter columns after alpha_x, alpha_y, tangent.

@@ -68,20 +68,22 @@ struct ClosureMaker {
     /// Relative index beyond the surface: the reciprocal from behind.
     Value relative_index(Value ior) { return op(ClosureOp::GlassIndex, {ior, e.input(InputColumn::Backfacing)}); }
 
-    void reflection(Value3 weight, Value3 normal, const Width& w, FresnelKind kind, std::initializer_list<Value> fresnel, bool beckmann = false) {
+    void reflection(Value3 weight, Value3 normal, const Width& w, FresnelKind kind, std::initializer_list<Value> fresnel, bool beckmann = false,
+                    bool compensated = false) {
         std::vector<Value> params{w.ax, w.ay, w.tangent.x, w.tangent.y, w.tangent.z};
         params.insert(params.end(), fresnel);
-        n.closure(ClosureType::Microfacet, LobeKind::Glossy, weight, normal, std::move(params), microfacet_variant(kind, beckmann, w.anisotropic));
+        n.closure(ClosureType::Microfacet, LobeKind::Glossy, weight, normal, std::move(params), microfacet_variant(kind, beckmann, w.anisotropic, compensated));
     }
     void refraction(Value3 weight, Value3 normal, const Width& w, Value ior, bool beckmann = false) {
         n.closure(ClosureType::MicrofacetRefract, LobeKind::Transmission, weight, normal, {w.ax, w.ay, w.tangent.x, w.tangent.y, w.tangent.z, ior},
                   microfacet_variant(FresnelKind::None, beckmann));
     }
     /// f0: factor of the reflectance at normal incidence.
-    void glass(Value3 weight, Value3 normal, Value alpha, Value ior, Value3 f0, Value3 reflect, Value3 transmit, bool beckmann = false) {
+    void glass(Value3 weight, Value3 normal, Value alpha, Value ior, Value3 f0, Value3 reflect, Value3 transmit, bool beckmann = false,
+               bool compensated = false) {
         n.closure(ClosureType::MicrofacetGlass, LobeKind::Transmission, weight, normal,
                   {alpha, ior, f0.x, f0.y, f0.z, reflect.x, reflect.y, reflect.z, transmit.x, transmit.y, transmit.z},
-                  microfacet_variant(FresnelKind::None, beckmann));
+                  microfacet_variant(FresnelKind::None, beckmann, false, compensated));
     }
     void diffuse(Value3 weight, Value3 normal) { n.closure(ClosureType::Diffuse, LobeKind::Diffuse, weight, normal); }
     /// What lies below a layer of this albedo: weight times 1 - max(albedo).

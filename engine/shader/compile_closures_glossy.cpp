@@ -18,7 +18,7 @@ void compile_glossy(NodeContext& n, Value3 weight) {
         return;
     }
     const Value3 gain = distribution == MultiGgx ? m.reflect_energy(normal, width, color) : m.white();
-    m.reflection(n.e.mul(w, gain), normal, width, FresnelKind::None, {}, distribution == Beckmann);
+    m.reflection(n.e.mul(w, gain), normal, width, FresnelKind::None, {}, distribution == Beckmann, distribution == MultiGgx);
 }
 
 void compile_glass(NodeContext& n, Value3 weight) {
@@ -40,7 +40,7 @@ void compile_glass(NodeContext& n, Value3 weight) {
         return;
     }
     const Value3 gain = distribution == MultiGgx ? m.glass_energy(normal, width.ax, ior, color) : m.white();
-    m.glass(n.e.mul(weight, gain), normal, width.ax, ior, m.white(), color, color, beckmann);
+    m.glass(n.e.mul(weight, gain), normal, width.ax, ior, m.white(), color, color, beckmann, distribution == MultiGgx);
 }
 
 void compile_refraction(NodeContext& n, Value3 weight) {

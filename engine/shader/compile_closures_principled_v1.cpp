@@ -61,7 +61,7 @@ struct Sum : ClosureMaker {
             const Value rough = e.binary(BinaryKind::GreaterThan, roughness, e.literal(kLeastMultiRoughness));
             gain = e.select(rough, reflect_energy(normal, width, mean), white());
         }
-        reflection(e.mul(e.mul(weight, e.one_minus(glass_share)), gain), normal, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z});
+        reflection(e.mul(e.mul(weight, e.one_minus(glass_share)), gain), normal, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z}, false, multi);
     }
 
     void glass_part(Value share) {
@@ -72,7 +72,7 @@ struct Sum : ClosureMaker {
         const auto width = isotropic(roughness, normal);
         const bool rough = !(e.is_known(roughness) && e.known(roughness) <= 0.05f);
         if (multi && rough) {
-            glass(e.mul(w, glass_energy(normal, width.ax, index, e.saturate(base))), normal, width.ax, index, white(), cspec0, base);
+            glass(e.mul(w, glass_energy(normal, width.ax, index, e.saturate(base))), normal, width.ax, index, white(), cspec0, base, false, true);
             return;
         }
         const Value f = fresnel_at(normal, index);

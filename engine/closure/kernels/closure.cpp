@@ -47,7 +47,7 @@ LobeCall make_call(LobeCall::Kind kind, const ClosureSlot& slot, const ClosureCo
     call.kind = kind;
     call.columns = &c;
     call.geometry = &g;
-    call.uniform = make_uniform(g, slot.variant & kVariantAnisotropic);
+    call.uniform = make_uniform(g, (slot.variant & kVariantAnisotropic) != 0, (slot.variant & kVariantCorrelated) != 0);
     call.n = n;
     return call;
 }

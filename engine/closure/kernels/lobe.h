@@ -22,15 +22,17 @@ inline constexpr float kDeltaPdf = 1e8f;
 struct LobeUniform {
     bool anisotropic = false;
     float correction = 1;   ///< 1: soften the bump terminator
-    float old = 0;          ///< 1: Blender before 4.0 (separable shadowing, its bump shadowing)
+    float old = 0;          ///< 1: Blender before 4.0, its bump shadowing
+    float separable = 0;    ///< 1: separable shadowing (before 4.0)
     float delta_limit = 0;  ///< alpha_x alpha_y at or below it: sharp
 };
 
-TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, uint8_t anisotropic_bit) {
+TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropic, bool correlated) {
     LobeUniform u;
-    u.anisotropic = anisotropic_bit != 0;
+    u.anisotropic = anisotropic;
     u.correction = g.bump_correction ? 1.0f : 0.0f;
     u.old = g.version < 400 ? 1.0f : 0.0f;
+    u.separable = correlated ? 0.0f : u.old;
     u.delta_limit = g.version < 400 ? 1e-7f : 2e-10f;
     return u;
 }
