@@ -1,0 +1,91 @@
+#include "session/check_scene.h"
+
+#include <algorithm>
+
+namespace talbot {
+
+namespace {
+
+using namespace scene;
+
+void demand(bool holds, const std::string& what, const std::string& where) {
+    if (!holds) throw Error(what, where);
+}
+
+void check_handle(Handle handle, size_t count, const char* kind, const std::string& where) {
+    demand(handle >= kNone && (handle == kNone || size_t(handle) < count), std::string("a ") + kind + " that does not exist", where);
+}
+
+/// One more than the largest; 0 for none.
+size_t bound_of(const std::vector<uint32_t>& indices) {
+    return indices.empty() ? 0 : size_t(*std::max_element(indices.begin(), indices.end())) + 1;
+}
+
+template <class T>
+void check_length(const std::vector<T>& list, size_t n, const char* name, const std::string& where) {
+    demand(list.empty() || list.size() == n, std::string("the wrong number of ") + name, where);
+}
+
+void check_mesh(const Mesh& mesh) {
+    const std::string where = "Mesh '" + mesh.name + "'";
+    const size_t triangles = mesh.triangle_count();
+    demand(mesh.triangle_vertices.size() % 3 == 0, "half a triangle", where);
+    demand(bound_of(mesh.triangle_vertices) <= mesh.positions.size(), "a vertex that does not exist", where);
+    check_length(mesh.triangle_corners, triangles * 3, "corners", where);
+    check_length(mesh.triangle_faces, triangles, "faces", where);
+    check_length(mesh.triangle_materials, triangles, "material slots", where);
+    check_length(mesh.triangle_smooth, triangles, "smooth flags", where);
+    check_length(mesh.vertex_normals, mesh.positions.size(), "vertex normals", where);
+    const size_t corners = bound_of(mesh.triangle_corners), faces = mesh.triangle_faces.empty() ? triangles : bound_of(mesh.triangle_faces);
+    const bool has_corners = !mesh.triangle_corners.empty() || triangles == 0;
+    demand(mesh.corner_normals.empty() || (has_corners && mesh.corner_normals.size() >= corners), "too few corner normals", where);
+    for (const Attribute& attribute : mesh.attributes) {
+        const std::string attribute_where = where + " > attribute '" + attribute.name + "'";
+        demand(attribute.components >= 1 && attribute.components <= 4, "not 1 to 4 components", attribute_where);
+        demand(attribute.domain != Domain::Corner || has_corners, "corner values on a mesh without corners", attribute_where);
+        const size_t elements = attribute.domain == Domain::Vertex     ? mesh.positions.size()
+                                : attribute.domain == Domain::Corner   ? corners
+                                : attribute.domain == Domain::Face     ? faces
+                                : attribute.domain == Domain::Triangle ? triangles
+                                                                       : 1;
+        demand(attribute.data.size() / attribute.components >= elements, "too few values", attribute_where);
+    }
+}
+
+void check_graph(const ShaderGraph& graph) {
+    const int nodes = int(graph.nodes.size());
+    demand(graph.output_node >= -1 && graph.output_node < nodes, "an output node that does not exist", graph.name);
+    for (const Node& node : graph.nodes)
+        for (const NodeInput& input : node.inputs)
+            demand(input.from_node >= -1 && input.from_node < nodes, "a link from a node that does not exist", graph.name + " > node '" + node.name + "'");
+}
+
+}  // namespace
+
+void check_scene(const Scene& scene) {
+    for (const auto& mesh : scene.meshes)
+        if (mesh) check_mesh(*mesh);
+    for (const Shader& shader : scene.shaders) check_graph(shader.graph);
+    for (const auto& set : scene.material_sets)
+        for (Handle shader : set) check_handle(shader, scene.shaders.size(), "material", "a material set");
+    for (const auto& set : scene.object_attribute_sets)
+        for (const Attribute& attribute : set)
+            demand(attribute.components >= 1 && attribute.components <= 4 && attribute.data.size() >= attribute.components, "too few values",
+                   "attribute '" + attribute.name + "'");
+    for (const Object& object : scene.objects) {
+        check_handle(object.name, scene.object_names.size(), "name", "an object");
+        const std::string where = object.name == kNone ? "an object" : "Object '" + scene.object_names[size_t(object.name)] + "'";
+        check_handle(object.mesh, scene.meshes.size(), "mesh", where);
+        check_handle(object.material_set, scene.material_sets.size(), "material set", where);
+        check_handle(object.attribute_set, scene.object_attribute_sets.size(), "set of attributes", where);
+    }
+    for (const Light& light : scene.lights) check_handle(light.shader, scene.shaders.size(), "node tree", "Light '" + light.name + "'");
+    check_handle(scene.world.shader, scene.shaders.size(), "node tree", "the world");
+    for (const auto& image : scene.images) {
+        if (!image || image->pixels.empty()) continue;
+        const std::string where = "Image '" + image->name + "'";
+        demand(image->width >= 0 && image->height >= 0 && image->pixels.size() / 4 >= size_t(image->width) * size_t(image->height), "too few pixels", where);
+    }
+}
+
+}  // namespace talbot
