@@ -31,21 +31,48 @@ Conversion built_in(const std::string& name, bool is_float) {
     return {is_float ? ConversionKind::None : ConversionKind::Srgb, false, name.empty(), nullptr};
 }
 
-/// Newer configurations mostly differ from what an older library knows in their version line alone: try once without it.
+/// Removes the colour spaces and view transforms (items of the file's lists) that contain `text`.
+std::string without_items(const std::string& config, const std::string& text) {
+    std::string kept, item;
+    std::istringstream lines(config);
+    const auto flush = [&] {
+        if (item.find(text) == std::string::npos) kept += item;
+        item.clear();
+    };
+    for (std::string line; std::getline(lines, line);) {
+        if (line.starts_with("  - !<") || line.empty() || line[0] != ' ') flush();
+        item += line + '\n';
+    }
+    flush();
+    return kept;
+}
+
+/// A configuration that is newer than the library mostly differs in its version line and in built-in transforms of displays,
+/// which images do not need: it is read without them.
 OCIO::ConstConfigRcPtr read_config(const std::string& path) {
     try {
         return OCIO::Config::CreateFromFile(path.c_str());
     } catch (const OCIO::Exception&) {
         std::ifstream file(path);
-        std::stringstream text;
-        text << file.rdbuf();
+        std::stringstream content;
+        content << file.rdbuf();
         const std::string older = "ocio_profile_version: 2." + std::to_string(OCIO_VERSION_MINOR);
-        std::istringstream patched(
-            std::regex_replace(text.str(), std::regex("ocio_profile_version: *2\\.[0-9]+"), older, std::regex_constants::format_first_only));
-        if (patched.str() == text.str()) throw;
-        const OCIO::ConfigRcPtr config = OCIO::Config::CreateFromStream(patched)->createEditableCopy();
-        config->setWorkingDir(std::filesystem::path(path).parent_path().c_str());
-        return config;
+        std::string text = std::regex_replace(content.str(), std::regex("ocio_profile_version: *2\\.[0-9]+"), older, std::regex_constants::format_first_only);
+        if (text == content.str()) throw;
+        for (;;) {
+            try {
+                std::istringstream stream(text);
+                const OCIO::ConfigRcPtr config = OCIO::Config::CreateFromStream(stream)->createEditableCopy();
+                config->setWorkingDir(std::filesystem::path(path).parent_path().c_str());
+                return config;
+            } catch (const OCIO::Exception& error) {
+                std::cmatch match;
+                if (!std::regex_search(error.what(), match, std::regex("built-in transform style '([^']+)'"))) throw;
+                std::string shorter = without_items(text, match[1].str());
+                if (shorter.size() >= text.size()) throw;
+                text = std::move(shorter);
+            }
+        }
     }
 }
 

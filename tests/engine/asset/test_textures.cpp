@@ -159,6 +159,36 @@ TEST(Textures, UnreadableConfigurationIsOneWarning) {
     EXPECT_EQ(loaded.report.lines().size(), 1u);
 }
 
+TEST(Textures, NewerConfigurationIsReadWithoutWhatItsDisplaysNeed) {
+    const std::string text = R"(ocio_profile_version: 2.99
+
+roles:
+  default: Lin
+  scene_linear: Lin
+displays:
+  Screen:
+    - !<View> {name: Plain, colorspace: Lin}
+    - !<View> {name: Fancy, colorspace: Fancy}
+colorspaces:
+  - !<ColorSpace>
+    name: Lin
+
+  - !<ColorSpace>
+    name: Fancy
+    from_scene_reference: !<BuiltinTransform> {style: "FUTURE - OUTPUT"}
+
+  - !<ColorSpace>
+    name: Quarter
+    to_scene_reference: !<MatrixTransform> {matrix: [0.25, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 1]}
+)";
+    const Folder folder;
+    const std::string path = folder.write("w.png", test::make_png(1, 1, 3, 8, {255, 255, 255}));
+    const Loaded loaded({file_image(path, "Quarter"), file_image(path, "Fancy")}, folder.write("config.ocio", {text.begin(), text.end()}));
+    expect_rgb(loaded.at(0.5f, 0.5f), 0.25f, 0.25f, 0.25f);
+    ASSERT_EQ(loaded.report.lines().size(), 1u) << loaded.first_warning();
+    EXPECT_NE(loaded.first_warning().find("'Fancy'"), std::string::npos) << loaded.first_warning();
+}
+
 TEST(Textures, RowsAndChannels) {
     const Folder folder;
     // Top row 10, 20; bottom row 30, 40.
