@@ -7,6 +7,7 @@ name both by handle.
 from dataclasses import dataclass, field
 from typing import Any
 
+import bpy
 import numpy as np
 
 from .. import settings as talbot_settings
@@ -47,8 +48,13 @@ class Changes:
     images: set[Key] = field(default_factory=set)
     all_shaders: bool = False
     objects: bool = False
-    world: bool = False
+    lights: bool = False
     scene: bool = False
+
+    def only_shading(self) -> bool:
+        """Whether materials and worlds are all that changed."""
+        others = self.geometry or self.images or self.all_shaders or self.objects or self.lights or self.scene
+        return bool(self.shading) and not others
 
 
 class SceneSync:
@@ -90,7 +96,7 @@ class SceneSync:
             self._send_settings(scene, view_layer, width, height, preview)
         warn_scene(context, scene, view_layer)
         self.shaders.begin(None)
-        self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, world=True, scene=True))
+        self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, scene=True))
         if not viewport and scene.camera is not None:
             camera = scene.camera.evaluated_get(depsgraph)
             self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
@@ -241,8 +247,19 @@ class SceneSync:
         self.images.begin(changes.images)
         changed |= self.images.refresh()
         self.shaders.begin(None if changes.all_shaders else changes.shading)
+        if changes.only_shading() and self._update_shaders(depsgraph, scene, view_layer):
+            return changed or self.shaders.sent
         changed |= self._sync_scene(depsgraph, scene, view_layer, changes)
         return changed
+
+    def _update_shaders(self, depsgraph: Any, scene: Any, view_layer: Any) -> bool:
+        """Reads changed materials and worlds without a pass over the objects. False when they ask more of meshes."""
+        for update in depsgraph.updates:
+            if isinstance(update.id, bpy.types.Material) and self.shaders.has(update.id):
+                self.shaders.material(update.id)
+        if self._send_world(world_values(self.context, self.shaders, scene, view_layer)):
+            self.shaders.sent = True
+        return self.shaders.wanted() <= self.context.wanted
 
     # -- cameras
 
@@ -301,6 +318,7 @@ def read_changes(depsgraph: Any) -> Changes:
             changes.all_shaders |= not update.id.is_embedded_data
         elif kind in ("Material", "World", "Light"):
             changes.shading.add((kind, name))
+            changes.lights |= kind == "Light"
         elif kind == "Scene":
             changes.scene = True
     return changes

@@ -104,6 +104,10 @@ class ShaderSync:
                 memory.pop(key, None)
         self.images.keep(frozenset().union(*self._images.values()))
 
+    def has(self, material: Any) -> bool:
+        """Whether the session shows the material."""
+        return id_key(material) in self._handles
+
     def wanted(self) -> set[str]:
         """Attributes that any shader reads."""
         return set().union(*self._wanted.values()) if self._wanted else set()
@@ -163,7 +167,7 @@ class ShaderSync:
     def _tree_graph(self, owner_id: Any, owner: str, key: tuple[str, str]) -> dict[str, Any] | None:
         """The graph of a datablock's nodes; None when it does not use nodes; empty (black) without an output."""
         self._wanted[key], self._images[key] = frozenset(), frozenset()
-        if owner_id.node_tree is None or not owner_id.use_nodes:
+        if owner_id.node_tree is None or not getattr(owner_id, "use_nodes", True):
             return None
         # The inliner's result owns its tree: it must live while the tree is read.
         inlined = owner_id.inline_shader_nodes() if hasattr(owner_id, "inline_shader_nodes") else None
