@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import native, passes, reports
 from .sessions import Synced, open_session
+from .sync.context import Interrupted
 
 WAIT_MILLISECONDS = 200
 """How long a cancel may go unnoticed."""
@@ -62,7 +63,10 @@ def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
     with result_of(engine, engine.resolution_x, engine.resolution_y, layer.name) as result:
         if not result.layers:
             raise RuntimeError(f"view layer {layer.name} has no place in the result")
-        LayerRender(engine, state, depsgraph, scene, layer, result).run()
+        try:
+            LayerRender(engine, state, depsgraph, scene, layer, result).run()
+        except Interrupted:
+            return  # cancelled before there was a picture
 
 
 def _keeps_data(scene: Any, original: Any) -> bool:
@@ -137,11 +141,20 @@ class LayerRender:
         persistent = _keeps_data(scene, self.depsgraph.scene)
         synced = self.state.kept if persistent else None
         width, height = engine.resolution_x, engine.resolution_y
-        if synced is not None:
-            outcome = synced.sync.next_frame(self.depsgraph, scene, layer, width=width, height=height)
-        else:
-            synced = open_session()
-            outcome = synced.sync.full(self.depsgraph, scene, layer, width=width, height=height, viewport=False)
+        kept = synced is not None
+        synced = synced or open_session()
+        context = synced.sync.context
+        context.interrupted = engine.test_break
+        try:
+            if kept:
+                outcome = synced.sync.next_frame(self.depsgraph, scene, layer, width=width, height=height)
+            else:
+                outcome = synced.sync.full(self.depsgraph, scene, layer, width=width, height=height, viewport=False)
+        except Interrupted:
+            self.state.close()
+            raise
+        finally:
+            context.interrupted = None  # the engine must not outlive this callback
         lines = [reports.Line("warning", str(text)) for text in outcome.warnings]
         lines += [
             reports.Line("warning", f"The {name} pass is not available in Talbot yet", f"View Layer {layer.name}")

@@ -1,7 +1,7 @@
 """What the modules of one synchronisation share: the session, the version, what shaders ask of meshes, warnings."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +17,10 @@ PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER
 """Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, and the instancer's coordinates."""
 
 
+class Interrupted(Exception):
+    """The user cancelled while the scene was read. What the session holds is incomplete."""
+
+
 @dataclass
 class SyncContext:
     """Lives as long as its session; holds names and handles, never Blender's data."""
@@ -26,6 +30,8 @@ class SyncContext:
     viewport: bool = False
     warnings: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
+    interrupted: Callable[[], bool] | None = None
+    """Asked between stages and meshes; set and removed by the callback that synchronises."""
     wanted: set[str] = field(default_factory=set)
     """Attributes some shader reads; "@tangent:NAME" for tangents, properties behind a prefix."""
 
@@ -34,9 +40,15 @@ class SyncContext:
         if text not in self.warnings:
             self.warnings.append(text)
 
+    def check(self) -> None:
+        """Raises Interrupted when the user has cancelled."""
+        if self.interrupted is not None and self.interrupted():
+            raise Interrupted
+
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
         """Adds the time of the block to a stage."""
+        self.check()
         started = time.perf_counter()
         try:
             yield

@@ -192,6 +192,7 @@ class SceneSync:
                 handles.append(entry.handle)
                 continue
             changed = True
+            self.context.check()
             arrays = read_record(self.context, record)
             if arrays is None:
                 if entry is not None:

@@ -15,6 +15,7 @@ import talbot.sessions
 import talbot.viewport
 from talbot.sessions import Synced
 from talbot.settings import crop
+from talbot.sync.context import SyncContext
 
 CHANNELS = {"combined": 4, "depth": 1, "mist": 1, "object_index": 1, "material_index": 1, "sample_count": 1}
 
@@ -118,10 +119,12 @@ class FakeSync:
 
     def __init__(self, session: FakeSession) -> None:
         self.session = session
+        self.context = SyncContext(session)
 
     def full(self, depsgraph: Any, scene: Any, view_layer: Any, *, width: int, height: int, **_: Any) -> Any:
         if self.raise_in_full is not None:
             raise self.raise_in_full
+        self.context.check()
         if scene.render.use_border:
             _, _, width, height = crop(scene.render, width, height)
         self.session.width, self.session.height = width, height

@@ -239,24 +239,34 @@ def test_metadata(scene: bpy.types.Scene) -> None:
 
 
 class PressedEscape:
-    """An engine whose user has pressed Escape. (RNA's functions cannot be replaced on the class.)"""
+    """An engine whose user presses Escape. (RNA's functions cannot be replaced on the class.)"""
 
-    def __init__(self, engine: object) -> None:
+    def __init__(self, engine: object, questions: int) -> None:
         self.engine = engine
+        self.questions = questions  # answered with no before
 
     def test_break(self) -> bool:
-        return True
+        self.questions -= 1
+        return self.questions < 0
 
     def __getattr__(self, name: str) -> object:
         return getattr(self.engine, name)
 
 
-def test_cancel_ends_the_session(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("questions", "waits"), [(0, None), (1, 1), (4, 4)])
+def test_cancel_ends_the_session(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, questions: int, waits: int | None
+) -> None:
+    """While the scene is read, and in the first and a later slice of the render."""
     render = final.render
     monkeypatch.setattr(
-        final, "render", lambda engine, state, depsgraph: render(PressedEscape(engine), state, depsgraph)
+        final, "render", lambda engine, state, depsgraph: render(PressedEscape(engine, questions), state, depsgraph)
     )
     with fake_engine(steps=1000):
-        bpy.ops.render.render()
+        render_file(scene)
     session = FakeSession.made[0]
-    assert session.cancelled and session.stopped and session.waits == 1
+    if waits is None:
+        assert session.starts == 0
+    else:
+        assert session.cancelled and session.stopped and session.waits == waits
+    assert last_lines(scene) == []

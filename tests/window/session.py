@@ -168,7 +168,18 @@ def all_steps() -> Iterator[float]:
     yield from panel_steps()
 
 
+def open_previews() -> None:
+    """The preview panels start closed; a panel registered anew without that option starts open."""
+    for name in ("MATERIAL_PT_preview", "WORLD_PT_preview", "DATA_PT_preview"):
+        panel = getattr(bpy.types, name, None)
+        if panel is not None:
+            bpy.utils.unregister_class(panel)
+            panel.bl_options = set()
+            bpy.utils.register_class(panel)
+
+
 STEPS = all_steps()
+open_previews()
 bpy.context.preferences.view.show_splash = False  # before the window's first drawing
 
 
