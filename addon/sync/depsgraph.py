@@ -109,6 +109,7 @@ class SceneSync:
         context.warnings.clear()
         context.timings.clear()
         changes = read_changes(depsgraph)
+        warn_scene(context, scene, view_layer)
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height)
         self.images.begin(changes.images)

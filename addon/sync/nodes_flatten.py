@@ -15,7 +15,7 @@ from typing import Any
 MAX_DEPTH = 200
 """Reroutes, muted nodes and groups one link may pass through; deeper is a circle that Blender did not notice."""
 
-GROUP_TYPES = {"GROUP"}
+GROUP_TYPES = {"GROUP", "CUSTOM GROUP"}
 
 
 @dataclass
