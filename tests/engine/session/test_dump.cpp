@@ -235,13 +235,13 @@ TEST(Dump, DamagedNeverCrashes) {
     dump_scene(make_scene(), folder.file("a"));
     const std::vector<char> whole = read(folder.file("a"));
     int refused = 0;
-    for (uint32_t i = 0; i < 1500; ++i) {
+    for (uint32_t i = 0; i < 600; ++i) {
         std::vector<char> damaged = whole;
         for (uint32_t k = 0; k < 1 + i % 3; ++k) damaged[hash_u32(i * 7 + k) % damaged.size()] ^= char(hash_u32(i + k * 99) | 1);
         write(folder.file("b"), damaged);
         refused += !message_of(folder.file("b")).empty();
     }
-    EXPECT_GT(refused, 300);
+    EXPECT_GT(refused, 120);
 }
 
 TEST(Dump, OtherFilesAreRefusedInWords) {
