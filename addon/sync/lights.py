@@ -1,5 +1,6 @@
 """Lamps, in each version's own units: the engine knows what they mean by the version of the settings."""
 
+import math
 from typing import Any
 
 from .. import versions
@@ -25,6 +26,10 @@ def light_values(
     if light.type not in TYPES:
         context.warn(f"Light '{owner.name}': type {light.type} is not supported")
         return None
+    color, power = light_color(light), light.energy * 2.0 ** getattr(light, "exposure", 0.0)
+    if not all(math.isfinite(number) for number in (*matrix, *color, power)):
+        context.warn(f"Light '{owner.name}': its matrix or strength is not finite; it is not rendered")
+        return None
     cycles = versions.cycles_settings(light)
     cast_shadow = cycles.get("cast_shadow")
     if cast_shadow is None:
@@ -33,8 +38,8 @@ def light_values(
         "name": owner.name,
         "type": TYPES[light.type],
         "to_world": matrix,
-        "color": light_color(light),
-        "power": light.energy * 2.0 ** getattr(light, "exposure", 0.0),
+        "color": color,
+        "power": power,
         "normalize": bool(getattr(light, "normalize", True)),
         "shader": shaders.light(light),
         "visibility": visibility,

@@ -443,6 +443,15 @@ def test_lamps(empty_scene: Any) -> None:
     assert all(light["use_mis"] and light["cast_shadow"] for light in session.lights)
 
 
+def test_broken_lamps_are_left_out(empty_scene: Any) -> None:
+    add_light("POINT").scale.x = float("nan")
+    add_light("SUN")
+    bpy.context.view_layer.update()
+    session, _, result = synchronise()
+    assert [light["type"] for light in session.lights] == ["sun"]
+    assert result.warnings == ["Light 'Point': its matrix or strength is not finite; it is not rendered"]
+
+
 def test_lamp_settings_of_newer_versions(empty_scene: Any) -> None:
     obj = add_light("POINT", energy=10)
     light = obj.data
