@@ -64,6 +64,12 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     const float world_mean = add_world(scene, programs, context, pool, cancel, *table);
     set_distant_probabilities(world_mean, *table);
 
+    for (Reach& reach : table->reach) {
+        reach.nearest = 1.0f / std::max(reach.radius * reach.radius, 1e-18f);
+        const bool plain = reach.kind == ReachKind::Oriented && reach.sin_normals == 0 && reach.cos_limit == 0;
+        if (plain) reach.kind = ReachKind::Lambert;
+    }
+
     EmitterView& view = table->view;
     if (table->emitters.size() > size_t(kScannedEmitters)) {
         std::vector<double> weights;

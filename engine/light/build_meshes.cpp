@@ -137,7 +137,7 @@ void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector
     reach.strength = float(weight);
     if (cos_normals > 1 - 1e-6f && !two_sided) reach.behind = 0;
     // A little wider than computed: rounding must not cut off what grazes.
-    reach.cos_normals = std::max(cos_normals - 1e-4f, 0.0f);
+    reach.cos_normals = cos_normals > 1 - 1e-6f ? 1.0f : std::max(cos_normals - 1e-4f, 0.0f);
     reach.sin_normals = std::sqrt(1 - reach.cos_normals * reach.cos_normals);
 }
 

@@ -27,7 +27,8 @@ inline constexpr int kEmitterKinds = 5;
 
 enum class ReachKind : int32_t {
     Isotropic,  ///< shines alike in all directions
-    Oriented,   ///< cosine law about normals that lie within a cone about the axis
+    Lambert,    ///< cosine law about the axis
+    Oriented,   ///< cosine law about normals that lie within a cone about the axis, or an area lamp's spread
     Spot,
 };
 
@@ -41,6 +42,7 @@ struct Reach {
     ReachKind kind = ReachKind::Isotropic;
     Vec3 center;
     float radius = 0;
+    float nearest = 1e18f;  ///< bound of 1 / distance^2: within the sphere nothing gets stronger
     Vec3 axis{0, 0, 1};     ///< unit; direction of emission
     float strength = 0;     ///< irradiance (luminance, mean of channels) at distance 1 along the axis
     float cos_normals = 1;  ///< half angle of the cone about the axis that holds all normals

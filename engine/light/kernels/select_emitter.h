@@ -15,15 +15,22 @@ TALBOT_INLINE float cos_of_difference(float c, float s, float cd, float sd) {
 template <ReachKind kind>
 TALBOT_INLINE float reach_at(const Reach& r, Vec3 p) {
     const Vec3 d = p - r.center;
-    const float d2 = dot(d, d), r2 = r.radius * r.radius;
-    const float plain = minf(r.strength / maxf(maxf(d2, r2), 1e-18f), 1e28f);
+    const float d2 = dot(d, d);
+    const float inv_d = 1.0f / std::sqrt(maxf(d2, 1e-30f));
+    const float plain = minf(r.strength * minf(inv_d * inv_d, r.nearest), 1e28f);
     if constexpr (kind == ReachKind::Isotropic) return plain;
 
-    const float inv_d = 1.0f / std::sqrt(maxf(d2, 1e-30f));
     const float sin_size = minf(r.radius * inv_d, 1.0f), cos_size = safe_sqrt(1.0f - sin_size * sin_size);
-    const bool near = d2 <= r2;
+    const bool near = sin_size >= 1.0f;
     float c = 0.0f;
-    if constexpr (kind == ReachKind::Oriented) {
+    if constexpr (kind == ReachKind::Lambert) {
+        c = dot(d, r.axis) * inv_d;
+        c = r.two_sided > 0.0f ? lane_abs(c) : c;
+        const float front = c - r.behind;
+        c = cos_of_difference(c, safe_sqrt(1.0f - c * c), cos_size, sin_size);
+        c = near ? 1.0f : c;
+        return minf(front, c) > 0.0f ? plain * c : 0.0f;
+    } else if constexpr (kind == ReachKind::Oriented) {
         c = dot(d, r.axis) * inv_d;
         c = r.two_sided > 0.0f ? lane_abs(c) : c;
         const float front = c;
@@ -50,21 +57,24 @@ struct Choice {
 };
 
 template <ReachKind kind>
-TALBOT_INLINE void offer(const Reach& reach, int32_t index, ConstColumns3 p, int n, float* __restrict sum, float* __restrict u, float* __restrict weight,
-                         int32_t* __restrict emitter) {
+TALBOT_INLINE void add_reach(const Reach& reach, ConstColumns3 p, int n, float* __restrict weight, float* __restrict sum) {
     const Reach r = reach;
     ConstColumn px = p.x, py = p.y, pz = p.z;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const float w = reach_at<kind>(r, {px[i], py[i], pz[i]});
-        const float before = sum[i], after = before + w, scaled = u[i] * after;
-        const bool take = scaled < w;
-        // What is left of the random number is uniform again: the running choice is an inverse CDF read backwards, and stays stratified.
-        const float left = take ? scaled / maxf(w, 1e-37f) : (scaled - w) / maxf(before, 1e-37f);
-        u[i] = clampf(left, 0.0f, 0.99999994f);
-        sum[i] = after;
-        weight[i] = take ? w : weight[i];
-        emitter[i] = take ? index : emitter[i];
+        weight[i] = w;
+        sum[i] += w;
+    }
+}
+
+/// weight[i] = estimate of one emitter at each lane's point, added to sum[i].
+TALBOT_INLINE void weigh_emitter(const Reach& reach, ConstColumns3 p, int n, float* weight, float* sum) {
+    switch (reach.kind) {
+        case ReachKind::Isotropic: add_reach<ReachKind::Isotropic>(reach, p, n, weight, sum); break;
+        case ReachKind::Lambert: add_reach<ReachKind::Lambert>(reach, p, n, weight, sum); break;
+        case ReachKind::Oriented: add_reach<ReachKind::Oriented>(reach, p, n, weight, sum); break;
+        case ReachKind::Spot: add_reach<ReachKind::Spot>(reach, p, n, weight, sum); break;
     }
 }
 
@@ -85,34 +95,30 @@ TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, co
         }
         return;
     }
-    float sum[kSpan], u[kSpan];
+    float sum[kSpan], below[kSpan], threshold[kSpan];
+    float weight[kScannedEmitters][kSpan];
+    fill(sum, n, 0.0f);
+    for (int e = 0; e < table.emitter_count; ++e) weigh_emitter(table.reach[e], p, n, weight[e], sum);
     for (int i = 0; i < n; ++i) {
-        sum[i] = 0.0f;
-        u[i] = pick[i];
+        below[i] = 0.0f;
+        threshold[i] = pick[i] * sum[i];
         out.emitter[i] = -1;
         out.probability[i] = 0.0f;
     }
+    // The last emitter whose running sum does not exceed the threshold: weight 0 is never chosen.
+    int32_t* __restrict chosen = out.emitter;
+    float* __restrict probability = out.probability;
     for (int e = 0; e < table.emitter_count; ++e) {
-        switch (table.reach[e].kind) {
-            case ReachKind::Isotropic: offer<ReachKind::Isotropic>(table.reach[e], e, p, n, sum, u, out.probability, out.emitter); break;
-            case ReachKind::Oriented: offer<ReachKind::Oriented>(table.reach[e], e, p, n, sum, u, out.probability, out.emitter); break;
-            case ReachKind::Spot: offer<ReachKind::Spot>(table.reach[e], e, p, n, sum, u, out.probability, out.emitter); break;
+        const float* __restrict w = weight[e];
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            const float mine = below[i] <= threshold[i] ? w[i] : 0.0f;
+            chosen[i] = mine > 0.0f ? e : chosen[i];
+            probability[i] = mine > 0.0f ? mine : probability[i];
+            below[i] += w[i];
         }
     }
-    for (int i = 0; i < n; ++i) out.probability[i] /= maxf(sum[i], 1e-37f);
-}
-
-template <ReachKind kind>
-TALBOT_INLINE void weigh(const Reach& reach, int32_t index, ConstColumns3 p, int n, float* __restrict sum, float* __restrict weight,
-                         const int32_t* __restrict emitter) {
-    const Reach r = reach;
-    ConstColumn px = p.x, py = p.y, pz = p.z;
-    TALBOT_VECTOR_LOOP
-    for (int i = 0; i < n; ++i) {
-        const float w = reach_at<kind>(r, {px[i], py[i], pz[i]});
-        sum[i] += w;
-        weight[i] = emitter[i] == index ? w : weight[i];
-    }
+    for (int i = 0; i < n; ++i) probability[i] /= maxf(sum[i], 1e-37f);
 }
 
 /// Probability with which choose_emitters picks `emitter[i]` (>= 0) at p. n <= kSpan.
@@ -125,14 +131,13 @@ TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p,
         for (int i = 0; i < n; ++i) probability[i] = table.alias[emitter[i]].probability;
         return;
     }
-    float sum[kSpan];
-    for (int i = 0; i < n; ++i) sum[i] = probability[i] = 0.0f;
+    float sum[kSpan], weight[kSpan];
+    fill(sum, n, 0.0f);
+    fill(probability, n, 0.0f);
     for (int e = 0; e < table.emitter_count; ++e) {
-        switch (table.reach[e].kind) {
-            case ReachKind::Isotropic: weigh<ReachKind::Isotropic>(table.reach[e], e, p, n, sum, probability, emitter); break;
-            case ReachKind::Oriented: weigh<ReachKind::Oriented>(table.reach[e], e, p, n, sum, probability, emitter); break;
-            case ReachKind::Spot: weigh<ReachKind::Spot>(table.reach[e], e, p, n, sum, probability, emitter); break;
-        }
+        weigh_emitter(table.reach[e], p, n, weight, sum);
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) probability[i] = emitter[i] == e ? weight[i] : probability[i];
     }
     for (int i = 0; i < n; ++i) probability[i] /= maxf(sum[i], 1e-37f);
 }
