@@ -115,12 +115,14 @@ def run(arguments: argparse.Namespace) -> int:
     assert process.stdout is not None
     progress = ProgressLine()
     result: dict[str, object] = {}
+    shown: set[str] = set()  # an error is reported by Blender and raised by its operator
     for line in process.stdout:
         if line.startswith(RESULT):
             result = json.loads(line[len(RESULT) :])
         elif PROGRESS.search(line):
             progress.show(line)
-        elif not CHATTER.search(line):
+        elif not CHATTER.search(line) and line not in shown:
+            shown.add(line)
             progress.clear()
             print(line, end="", file=sys.stderr, flush=True)
     code = process.wait()
