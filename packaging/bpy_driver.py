@@ -104,13 +104,13 @@ def parse(arguments: list[str]) -> list[tuple[str, str]]:
 
 
 def parse_frames(text: str, first: int, last: int) -> list[int]:
-    """ "1,3,5..7,+2,-1": numbers, ranges, and offsets from the first (+) and the last (-) frame."""
+    """ "1,3,5..7,+2,-1": numbers, ranges, offsets from the first (+0 is it) and the last frame (-1 is it)."""
 
     def one(word: str) -> int:
         if word.startswith("+"):
             return first + int(word[1:])
         if word.startswith("-"):
-            return last - int(word[1:]) + 1 if word != "-0" else last
+            return last - int(word[1:]) + 1
         return int(word)
 
     frames: list[int] = []
@@ -247,8 +247,9 @@ class Driver:
             raise CommandError(f"Error: not a number: {text!r}", 2) from None
 
     def set_frame(self, name: str, value: str) -> None:
-        scene = self.scene
-        setattr(scene, name, parse_frames(value, scene.frame_start, scene.frame_end)[0])
+        """Here + and - count from the present value."""
+        present = getattr(self.scene, name)
+        setattr(self.scene, name, parse_frames(value, present, present - 1)[0])
 
     def set_scene(self, name: str) -> None:
         if name not in self.bpy.data.scenes:

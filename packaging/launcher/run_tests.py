@@ -106,7 +106,14 @@ def pytest_options(report: Path, name_filter: str | None) -> list[str]:
 
 def run_house(name_filter: str | None) -> Tally:
     report = REPORTS / "house.xml"
-    command = [sys.executable, "-m", "pytest", *pytest_options(report, name_filter), str(ROOT / "tests" / "layers")]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        *pytest_options(report, name_filter),
+        str(ROOT / "tests" / "layers"),
+        str(ROOT / "tests" / "run"),
+    ]
     environment = {**os.environ, "TALBOT_BUILD_DIR": str(BUILD), "PYTHONDONTWRITEBYTECODE": "1"}
     return run_reporting("Order of the house", command, report, 900, environment, (0, NO_TESTS))
 

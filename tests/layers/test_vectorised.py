@@ -4,8 +4,9 @@ A loop that silently stops vectorising costs two to eight times its speed. Each 
 
     engine/LAYER/kernels/FILE.cpp  FUNCTION[:COUNT]  BYTES
 
-and asks that at least COUNT loops (1 by default) inside FUNCTION of that file are reported by g++ 12 as vectorised with
-vectors of at least BYTES, when compiled for x86-64-v4. FUNCTION may be `*`: loops anywhere, also in included helpers.
+and asks that g++ 12 reports at least COUNT loops (1 by default) inside FUNCTION of that file as vectorised with vectors
+of at least BYTES, when it compiles for x86-64-v4. A template's loop counts once for each instance. FUNCTION may be `*`:
+loops anywhere, also in included helpers.
 """
 
 from __future__ import annotations
@@ -86,8 +87,7 @@ def compile_report(file: str) -> str:
 
 
 def count_loops(report: str, demand: Demand, source: str) -> int:
-    """Loops, not reports: a loop that is inlined twice is reported twice with the same place."""
-    places = {(file, int(line)) for file, line, width in REPORT.findall(report) if int(width) >= demand.width}
+    places = [(file, int(line)) for file, line, width in REPORT.findall(report) if int(width) >= demand.width]
     if demand.function == "*":
         return len(places)
     extents = function_lines(source, demand.function)
