@@ -25,17 +25,17 @@ TALBOT_INLINE Vec3 rgb_to_hsv(Vec3 c) {
     return {s != 0.0f ? hue_of(c, high, delta) : 0.0f, s, high};
 }
 
-/// Hue outside [0, 1) counts as the last sector.
+/// Each channel is a trapezium over the hue circle. Hue outside [0, 1] counts as the last sixth.
 TALBOT_INLINE Vec3 hsv_to_rgb(Vec3 c) {
-    const float h = (c.x == 1.0f ? 0.0f : c.x) * 6.0f;
-    const float sector = lane_floor(h), f = h - sector;
-    const float v = c.z, p = v * (1.0f - c.y), q = v * (1.0f - c.y * f), t = v * (1.0f - c.y * (1.0f - f));
-    Vec3 r{v, p, q};
-    r.x = sector == 1.0f ? q : (sector == 2.0f || sector == 3.0f ? p : (sector == 4.0f ? t : r.x));
-    r.y = sector == 0.0f ? t : (sector == 1.0f || sector == 2.0f ? v : (sector == 3.0f ? q : r.y));
-    r.z = sector == 0.0f || sector == 1.0f ? p : (sector == 2.0f ? t : (sector == 3.0f || sector == 4.0f ? v : r.z));
-    const bool grey = c.y == 0.0f;
-    return {grey ? v : r.x, grey ? v : r.y, grey ? v : r.z};
+    const float h = c.x * 6.0f, v = c.z, drop = c.z * c.y;
+    const auto channel = [=](float start) {
+        const float k = h + start, t = k >= 6.0f ? k - 6.0f : k;
+        return v - drop * saturate(minf(t, 4.0f - t));
+    };
+    const float inside = minf(c.x, 1.0f - c.x);  // negative outside
+    const float q = v - drop * (h - lane_floor(h));
+    const float r = channel(5.0f), g = channel(3.0f), b = channel(1.0f);
+    return {inside >= 0.0f ? r : v, inside >= 0.0f ? g : v - drop, inside >= 0.0f ? b : q};
 }
 
 TALBOT_INLINE Vec3 rgb_to_hsl(Vec3 c) {

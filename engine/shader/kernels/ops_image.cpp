@@ -58,26 +58,30 @@ void op_box_weights(Registers r, int n) {
         y *= scale;
         z *= scale;
         const float blend = blend_in[k], limit = 0.5f * (1.0f + blend);
-        const bool only_x = x > limit * (x + y) && x > limit * (x + z);
-        const bool only_y = !only_x && y > limit * (x + y) && y > limit * (y + z);
-        const bool only_z = !only_x && !only_y && z > limit * (x + z) && z > limit * (y + z);
+        // As 0 or 1, so that the loop has no branches.
+        const auto above = [](float a, float b) { return a > b ? 1.0f : 0.0f; };
+        const float only_x = above(x, limit * (x + y)) * above(x, limit * (x + z));
+        const float only_y = (1.0f - only_x) * above(y, limit * (x + y)) * above(y, limit * (y + z));
+        const float only_z = (1.0f - only_x) * (1.0f - only_y) * above(z, limit * (x + z)) * above(z, limit * (y + z));
         // Two faces mix where the third one's share is small, else all three: the simplex in the middle.
-        const bool mix_xy = z < (1.0f - limit) * (x + y), mix_yz = !mix_xy && x < (1.0f - limit) * (y + z);
-        const bool mix_zx = !mix_xy && !mix_yz && y < (1.0f - limit) * (x + z);
-        const float first = mix_yz ? y : x, second = mix_xy ? y : z, pair = first + second;
-        const float ratio = first / (pair > 0.0f ? pair : 1.0f);
-        const float share = saturate((ratio - 0.5f * (1.0f - blend)) / maxf(blend, 1e-8f));
-        const float divide = 1.0f / maxf(2.0f * limit - 1.0f, 1e-8f);
-        const bool two = mix_xy || mix_yz || mix_zx;
-        float ax = two ? (mix_yz ? 0.0f : share) : ((2.0f - limit) * x + limit - 1.0f) * divide;
-        float ay = two ? (mix_xy ? 1.0f - share : (mix_yz ? share : 0.0f)) : ((2.0f - limit) * y + limit - 1.0f) * divide;
-        float az = two ? (mix_xy ? 0.0f : 1.0f - share) : ((2.0f - limit) * z + limit - 1.0f) * divide;
-        ax = blend > 0.0f ? ax : 1.0f;
-        ay = blend > 0.0f ? ay : 0.0f;
-        az = blend > 0.0f ? az : 0.0f;
-        wx[k] = only_x ? 1.0f : (only_y || only_z ? 0.0f : ax);
-        wy[k] = only_y ? 1.0f : (only_x || only_z ? 0.0f : ay);
-        wz[k] = only_z ? 1.0f : (only_x || only_y ? 0.0f : az);
+        const float mix_xy = above((1.0f - limit) * (x + y), z);
+        const float mix_yz = (1.0f - mix_xy) * above((1.0f - limit) * (y + z), x);
+        const float mix_zx = (1.0f - mix_xy) * (1.0f - mix_yz) * above((1.0f - limit) * (x + z), y);
+        const float all = 1.0f - mix_xy - mix_yz - mix_zx;
+        const auto share = [blend](float a, float b) {
+            const float ratio = a / maxf(a + b, 1e-20f);
+            return saturate((ratio - 0.5f * (1.0f - blend)) / maxf(blend, 1e-8f));
+        };
+        const float xy = share(x, y), yz = share(y, z), xz = share(x, z);
+        const float divide = all / maxf(2.0f * limit - 1.0f, 1e-8f);
+        const float ax = mix_xy * xy + mix_zx * xz + ((2.0f - limit) * x + limit - 1.0f) * divide;
+        const float ay = mix_xy * (1.0f - xy) + mix_yz * yz + ((2.0f - limit) * y + limit - 1.0f) * divide;
+        const float az = mix_yz * (1.0f - yz) + mix_zx * (1.0f - xz) + ((2.0f - limit) * z + limit - 1.0f) * divide;
+        // Without blending nothing is left between the faces but the edges themselves: the x face.
+        const float blended = blend > 0.0f ? 1.0f : 0.0f, single = only_x + only_y + only_z;
+        wx[k] = only_x + (1.0f - single) * (blended * ax + (1.0f - blended));
+        wy[k] = only_y + (1.0f - single) * blended * ay;
+        wz[k] = only_z + (1.0f - single) * blended * az;
     }
 }
 

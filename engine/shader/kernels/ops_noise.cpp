@@ -56,59 +56,39 @@ TALBOT_INLINE float finite_or_zero(float x) {
     return lane_abs(x) < 1e30f ? x : 0.0f;
 }
 
-template <int D>
-TALBOT_INLINE float perlin(float x, float y, float z, float w) {
-    const Cell a = cell_of(x);
-    const float u = fade(a.f);
-    if constexpr (D == 1) {
-        const float r = lerp(gradient(hash_words(a.i), a.f), gradient(hash_words(a.i + 1), a.f - 1.0f), u);
-        return finite_or_zero(r) * 0.25f;
-    }
-    const Cell b = cell_of(y);
-    const float v = fade(b.f);
-    if constexpr (D == 2) {
-        const float r = lerp(lerp(gradient(hash_words(a.i, b.i), a.f, b.f), gradient(hash_words(a.i + 1, b.i), a.f - 1.0f, b.f), u),
-                             lerp(gradient(hash_words(a.i, b.i + 1), a.f, b.f - 1.0f), gradient(hash_words(a.i + 1, b.i + 1), a.f - 1.0f, b.f - 1.0f), u), v);
-        return finite_or_zero(r) * 0.6616f;
-    }
-    const Cell c = cell_of(z);
-    const float t = fade(c.f);
-    if constexpr (D == 3) {
-        float side[2];
-        for (uint32_t k = 0; k < 2; ++k) {
-            const float fz = c.f - float(int32_t(k));
-            const uint32_t cz = c.i + k;
-            side[k] = lerp(
-                lerp(gradient(hash_words(a.i, b.i, cz), a.f, b.f, fz), gradient(hash_words(a.i + 1, b.i, cz), a.f - 1.0f, b.f, fz), u),
-                lerp(gradient(hash_words(a.i, b.i + 1, cz), a.f, b.f - 1.0f, fz), gradient(hash_words(a.i + 1, b.i + 1, cz), a.f - 1.0f, b.f - 1.0f, fz), u),
+// Sums over the corners of a square, a cube and a cube in four dimensions. Written out: loops over corners inside the loop over lanes would keep
+// the compiler from vectorising it.
+TALBOT_INLINE float square_of(Cell a, Cell b, float u, float v) {
+    return lerp(lerp(gradient(hash_words(a.i, b.i), a.f, b.f), gradient(hash_words(a.i + 1, b.i), a.f - 1.0f, b.f), u),
+                lerp(gradient(hash_words(a.i, b.i + 1), a.f, b.f - 1.0f), gradient(hash_words(a.i + 1, b.i + 1), a.f - 1.0f, b.f - 1.0f), u), v);
+}
+TALBOT_INLINE float square_of(Cell a, Cell b, uint32_t ci, float cf, float u, float v) {
+    return lerp(lerp(gradient(hash_words(a.i, b.i, ci), a.f, b.f, cf), gradient(hash_words(a.i + 1, b.i, ci), a.f - 1.0f, b.f, cf), u),
+                lerp(gradient(hash_words(a.i, b.i + 1, ci), a.f, b.f - 1.0f, cf), gradient(hash_words(a.i + 1, b.i + 1, ci), a.f - 1.0f, b.f - 1.0f, cf), u),
                 v);
-        }
-        return finite_or_zero(lerp(side[0], side[1], t)) * 0.9820f;
-    }
-    if constexpr (D == 4) {
-        const Cell d = cell_of(w);
-        float cube[2];
-        for (uint32_t l = 0; l < 2; ++l) {
-            const float fw = d.f - float(int32_t(l));
-            const uint32_t cw = d.i + l;
-            float side[2];
-            for (uint32_t k = 0; k < 2; ++k) {
-                const float fz = c.f - float(int32_t(k));
-                const uint32_t cz = c.i + k;
-                side[k] =
-                    lerp(lerp(gradient(hash_words(a.i, b.i, cz, cw), a.f, b.f, fz, fw), gradient(hash_words(a.i + 1, b.i, cz, cw), a.f - 1.0f, b.f, fz, fw), u),
-                         lerp(gradient(hash_words(a.i, b.i + 1, cz, cw), a.f, b.f - 1.0f, fz, fw),
-                              gradient(hash_words(a.i + 1, b.i + 1, cz, cw), a.f - 1.0f, b.f - 1.0f, fz, fw), u),
-                         v);
-            }
-            cube[l] = lerp(side[0], side[1], t);
-        }
-        return finite_or_zero(lerp(cube[0], cube[1], fade(d.f))) * 0.8344f;
-    }
-    return 0.0f;
+}
+TALBOT_INLINE float square_of(Cell a, Cell b, uint32_t ci, float cf, uint32_t di, float df, float u, float v) {
+    return lerp(lerp(gradient(hash_words(a.i, b.i, ci, di), a.f, b.f, cf, df), gradient(hash_words(a.i + 1, b.i, ci, di), a.f - 1.0f, b.f, cf, df), u),
+                lerp(gradient(hash_words(a.i, b.i + 1, ci, di), a.f, b.f - 1.0f, cf, df),
+                     gradient(hash_words(a.i + 1, b.i + 1, ci, di), a.f - 1.0f, b.f - 1.0f, cf, df), u),
+                v);
+}
+TALBOT_INLINE float cube_of(Cell a, Cell b, Cell c, uint32_t di, float df, float u, float v, float t) {
+    return lerp(square_of(a, b, c.i, c.f, di, df, u, v), square_of(a, b, c.i + 1, c.f - 1.0f, di, df, u, v), t);
 }
 
-/// out = signed noise at scale * (x, y, z, w); scale may be null.
+/// Scaled to about [-1, 1].
+template <int D>
+TALBOT_INLINE float perlin(float x, float y, float z, float w) {
+    const Cell a = cell_of(x), b = cell_of(y), c = cell_of(z), d = cell_of(w);
+    const float u = fade(a.f), v = fade(b.f), t = fade(c.f);
+    if constexpr (D == 1) return finite_or_zero(lerp(gradient(hash_words(a.i), a.f), gradient(hash_words(a.i + 1), a.f - 1.0f), u)) * 0.25f;
+    if constexpr (D == 2) return finite_or_zero(square_of(a, b, u, v)) * 0.6616f;
+    if constexpr (D == 3) return finite_or_zero(lerp(square_of(a, b, c.i, c.f, u, v), square_of(a, b, c.i + 1, c.f - 1.0f, u, v), t)) * 0.9820f;
+    if constexpr (D == 4) return finite_or_zero(lerp(cube_of(a, b, c, d.i, d.f, u, v, t), cube_of(a, b, c, d.i + 1, d.f - 1.0f, u, v, t), fade(d.f))) * 0.8344f;
+}
+
+/// out = signed noise at scale * (x, y, z, w).
 template <int D>
 TALBOT_INLINE void perlin_loop(ConstColumn x, ConstColumn y, ConstColumn z, ConstColumn w, ConstColumn scale, bool wrap, int n, Column out) {
     const float wrapping = wrap ? 1.0f : 0.0f;
