@@ -5,7 +5,7 @@ This module registers and unregisters, nothing else.
 
 import atexit
 
-from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer
+from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, versions
 
 bl_info = {
     "name": "Talbot",
@@ -22,7 +22,7 @@ _MODULES = (properties, engine, ui, ui_data, ui_layer, compat_ui)
 
 def register() -> None:
     """Registers everything, even when the native module is absent: the engine then says so at each render."""
-    problem = native.load(".".join(str(number) for number in bl_info["version"]))
+    problem = native.load(versions.ADDON_VERSION)
     if problem:
         print(f"Talbot: {problem}")
     for module in _MODULES:

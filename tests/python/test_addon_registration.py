@@ -20,7 +20,18 @@ def engine_names() -> set[str]:
 def test_versions_agree() -> None:
     manifest = (Path(talbot.__file__).parent / "blender_manifest.toml").read_text(encoding="utf-8")
     found = re.search(r'^version = "(.+)"$', manifest, re.MULTILINE)
-    assert found and found[1] == ".".join(str(n) for n in talbot.bl_info["version"])
+    source = Path(talbot.__file__).read_text(encoding="utf-8")
+    legacy = re.search(r'"version": \((\d+), (\d+), (\d+)\)', source)
+    assert found and legacy
+    assert found[1] == ".".join(legacy.groups()) == versions.ADDON_VERSION
+
+
+def test_registers_without_bl_info(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blender removes it from extensions."""
+    talbot.unregister()
+    monkeypatch.delattr(talbot, "bl_info", raising=False)
+    talbot.register()
+    assert "TALBOT" in engine_names()
 
 
 def test_register_and_unregister_twice() -> None:
