@@ -100,11 +100,6 @@ FilmLayout make_layout(std::span<const PassKind> passes) {
     return layout;
 }
 
-float mist_amount(const scene::Settings& settings, float distance) {
-    const float m = settings.mist_depth > 0.0f ? saturate((distance - settings.mist_start) / settings.mist_depth) : float(distance > settings.mist_start);
-    return settings.mist_falloff == 0 ? m * m : settings.mist_falloff == 1 ? m : std::sqrt(m);
-}
-
 void TileFilm::reset(const FilmLayout& layout, int width, int height) {
     layout_ = &layout;
     width_ = width;
@@ -156,40 +151,50 @@ void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<flo
     const size_t channels = size_t(pass_channels(kind));
     if (out.size() < size_t(width_) * size_t(height_) * channels) throw Error("Film: the buffer for a pass is too small");
     const int offset = layout_.offset[int(kind)];
-    const int colour_offset = layout_.offset[int(colour_of(kind))];
     const bool is_light = is_light_pass(kind);
-    const float exposure =
-        is_light || kind == PassKind::Combined || kind == PassKind::Emission || kind == PassKind::Environment ? settings.film_exposure : 1.0f;
-    const size_t stride = size_t(layout_.stride);
+    const bool has_exposure = is_light || kind == PassKind::Combined || kind == PassKind::Emission || kind == PassKind::Environment;
+    const float exposure = has_exposure ? settings.film_exposure : 1.0f, empty = kind == PassKind::Depth ? kEmptyDepth : 0.0f;
+    const size_t stride = size_t(layout_.stride), width = size_t(width_);
 
-    for (int band = 0; band < height_; band += kRowsPerLock) {
-        std::lock_guard lock(mutex_);
-        const size_t end = size_t(std::min(band + kRowsPerLock, height_)) * size_t(width_);
-        for (size_t i = size_t(band) * size_t(width_); i < end; ++i) {
-            float* result = out.data() + i * channels;
-            if (kind == PassKind::SampleCount) {
-                result[0] = float(samples_[i]) / float(std::max(settings.samples, 1));
-                continue;
-            }
-            if (offset < 0 || samples_[i] <= 0) {
-                std::fill_n(result, channels, kind == PassKind::Depth ? kEmptyDepth : 0.0f);
-                continue;
-            }
-            const float* pixel = sums_.data() + i * stride;
-            const float* sum = pixel + offset;
-            const float scale = 1.0f / float(samples_[i]);
-            if (is_single_sample(kind)) {
-                const bool empty = sum[channels] <= 0.0f;
-                for (size_t c = 0; c < channels; ++c) result[c] = empty ? (kind == PassKind::Depth ? kEmptyDepth : 0.0f) : sum[c];
-            } else if (is_light) {
-                divide_by_colour(sum, pixel + colour_offset, exposure, result);
-            } else if (kind == PassKind::Mist) {
-                result[0] = saturate(1.0f - sum[0] * scale);
-            } else {
-                for (size_t c = 0; c < channels; ++c) result[c] = sum[c] * scale * exposure;
-                if (kind == PassKind::Combined) result[3] = saturate(1.0f - sum[3] * scale);
+    // write(the pixel's sums, 1 / samples, where to) for every pixel that has samples.
+    const auto each_pixel = [&](auto&& write) {
+        for (int band = 0; band < height_; band += kRowsPerLock) {
+            std::lock_guard lock(mutex_);
+            const size_t end = size_t(std::min(band + kRowsPerLock, height_)) * width;
+            for (size_t i = size_t(band) * width; i < end; ++i) {
+                float* result = out.data() + i * channels;
+                if (samples_[i] > 0) {
+                    write(sums_.data() + i * stride, 1.0f / float(samples_[i]), result);
+                } else {
+                    std::fill_n(result, channels, empty);
+                }
             }
         }
+    };
+    if (offset < 0) {
+        std::fill_n(out.data(), size_t(height_) * width * channels, empty);
+    } else if (kind == PassKind::SampleCount) {
+        const float scale = 1.0f / float(std::max(settings.samples, 1));
+        each_pixel([&](const float*, float inverse_samples, float* result) { result[0] = scale / inverse_samples; });
+    } else if (is_single_sample(kind)) {
+        each_pixel([&](const float* pixel, float, float* result) {
+            const float* value = pixel + offset;
+            for (size_t c = 0; c < channels; ++c) result[c] = value[channels] > 0.0f ? value[c] : empty;
+        });
+    } else if (is_light) {
+        const int colour_offset = layout_.offset[int(colour_of(kind))];
+        each_pixel([&](const float* pixel, float, float* result) { divide_by_colour(pixel + offset, pixel + colour_offset, exposure, result); });
+    } else if (kind == PassKind::Mist) {
+        each_pixel([&](const float* pixel, float scale, float* result) { result[0] = saturate(1.0f - pixel[offset] * scale); });
+    } else if (kind == PassKind::Combined) {
+        each_pixel([&](const float* pixel, float scale, float* result) {
+            for (int c = 0; c < 3; ++c) result[c] = pixel[offset + c] * scale * exposure;
+            result[3] = saturate(1.0f - pixel[offset + 3] * scale);
+        });
+    } else {
+        each_pixel([&](const float* pixel, float scale, float* result) {
+            for (size_t c = 0; c < channels; ++c) result[c] = pixel[size_t(offset) + c] * scale * exposure;
+        });
     }
 }
 

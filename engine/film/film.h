@@ -13,6 +13,7 @@
 #pragma once
 
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <mutex>
 #include <span>
@@ -40,7 +41,10 @@ int pass_channels(scene::PassKind kind);
 /// True for the passes that keep one sample's value (see above).
 bool is_single_sample(scene::PassKind kind);
 /// Mist of a hit at `distance` from the camera: 0 near, 1 far, falloff applied.
-float mist_amount(const scene::Settings& settings, float distance);
+TALBOT_INLINE float mist_amount(const scene::Settings& settings, float distance) {
+    const float m = settings.mist_depth > 0.0f ? saturate((distance - settings.mist_start) / settings.mist_depth) : float(distance > settings.mist_start);
+    return settings.mist_falloff == 0 ? m * m : settings.mist_falloff == 1 ? m : std::sqrt(m);
+}
 
 /// What a contribution is, for the passes.
 enum class Category : uint8_t {
