@@ -65,6 +65,11 @@ def test_default_scene(scene: bpy.types.Scene) -> None:
     assert corner == pytest.approx([0.051] * 3, abs=0.01)
 
 
+def test_default_scene_has_no_warnings(scene: bpy.types.Scene) -> None:
+    picture(scene)
+    assert lines(scene) == []
+
+
 def test_same_pixels_again_and_with_one_thread(scene: bpy.types.Scene) -> None:
     first = picture(scene)
     assert np.array_equal(first, picture(scene))
@@ -84,10 +89,11 @@ def test_border_is_a_part_of_the_whole(scene: bpy.types.Scene) -> None:
     render.use_border = render.use_crop_to_border = True
     render.border_min_x, render.border_max_x = 0.25, 0.75
     render.border_min_y, render.border_max_y = 0.3, 0.9
-    assert np.array_equal(picture(scene), whole[6:18, 8:24])
+    # The same paths, but other neighbours in a batch: rounding may differ.
+    assert np.allclose(picture(scene), whole[6:18, 8:24], rtol=1e-5, atol=1e-7)
     render.use_crop_to_border = False
     pasted = picture(scene)
-    assert np.array_equal(pasted[6:18, 8:24], whole[6:18, 8:24])
+    assert np.allclose(pasted[6:18, 8:24], whole[6:18, 8:24], rtol=1e-5, atol=1e-7)
     assert pasted[:6].max() == 0
 
 

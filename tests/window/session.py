@@ -154,7 +154,7 @@ def panel_steps() -> Iterator[float]:
         bpy.context.view_layer.objects.active = bpy.data.objects[name]
         yield 0.3
         editor.spaces.active.context = tab
-        yield 3.0 if tab == "MATERIAL" else 1.0
+        yield 10.0 if tab in {"MATERIAL", "DATA"} else 1.0
         shot(f"panel_{tab.lower()}_{name}")
 
 
@@ -169,12 +169,13 @@ def all_steps() -> Iterator[float]:
 
 
 def open_previews() -> None:
-    """The preview panels start closed; a panel registered anew without that option starts open."""
-    for name in ("MATERIAL_PT_preview", "WORLD_PT_preview", "DATA_PT_preview"):
+    """The preview panels start closed; a panel registered anew without that option starts open, below the others."""
+    open_ones = ("MATERIAL_PT_preview", "WORLD_PT_preview", "DATA_PT_preview")
+    for name in ("EEVEE_MATERIAL_PT_surface", *open_ones):
         panel = getattr(bpy.types, name, None)
         if panel is not None:
             bpy.utils.unregister_class(panel)
-            panel.bl_options = set()
+            panel.bl_options = set() if name in open_ones else {"DEFAULT_CLOSED"}
             bpy.utils.register_class(panel)
 
 
