@@ -340,6 +340,21 @@ TEST(ClosedForms, Spheres) {
     }
 }
 
+/// A world that varies: radiance = the direction's components. On a plane that faces up their cosine-weighted means over pi are 0, 0 and 2/3.
+TEST(ClosedForms, VaryingWorld) {
+    Stage stage(2048);
+    stage.floor();
+    GraphBuilder g;
+    const test::Socket direction = g.position();
+    g.surface(g.out(g.node("ShaderNodeBackground").link("Color", scene::SocketKind::Color, direction).set("Strength", 1.0f).id(), "Background",
+                    scene::SocketKind::Shader));
+    stage.scene.world.shader = stage.shader(std::move(g));
+    stage.look({}, {0, 0, -1});
+    expect_render(stage, 2.0 / 3, "cosine sky", 0.005, 2);
+    const Estimate sideways = render(stage, 0);
+    EXPECT_LT(std::abs(sideways.mean), kBias * sideways.error + 1e-4);
+}
+
 /// A sphere of radiance 1 at 3 m, seen in a GGX mirror at 45 degrees: lamp samples where it is rough, scattered rays where it is
 /// smooth, and one mean.
 TEST(ClosedForms, GlossyReflectionOfALamp) {
