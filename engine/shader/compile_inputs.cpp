@@ -17,6 +17,12 @@ void compile_rgb(NodeContext& n) {
     n.set_color("Color", output ? n.e.constant3(output->value[0], output->value[1], output->value[2]) : n.e.literal3(0, 0, 0));
 }
 
+/// The frame's time is stored on the outputs.
+void compile_scene_time(NodeContext& n) {
+    for (const char* name : {"Seconds", "Frame"})
+        if (const scene::NodeOutput* output = n.output(name)) n.set(name, n.e.constant(output->value[0]));
+}
+
 /// Coordinates on a lamp are its own parameters; a background has none.
 Value3 uv_coordinates(NodeContext& n, const std::string& name) {
     Expressions& e = n.e;
@@ -201,6 +207,7 @@ void compile_wireframe(NodeContext& n) {
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeValue", compile_value},
     {"ShaderNodeRGB", compile_rgb},
+    {"GeometryNodeInputSceneTime", compile_scene_time},
     {"ShaderNodeTexCoord", compile_texture_coordinate},
     {"ShaderNodeUVMap", compile_uv_map},
     {"ShaderNodeNewGeometry", compile_geometry},

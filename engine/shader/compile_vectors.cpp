@@ -137,25 +137,14 @@ void compile_bump(NodeContext& n) {
     const Value3 normal = n.normal();
     // Heights at shifted points see this node's plain normal, and without height nothing bends.
     if (n.shift != 0 || !n.linked("Height")) return n.set_vector("Normal", normal);
-    n.graph().values.has_bump = true;
-    const Value width = n.has("Filter Width") ? e.max(n.value("Filter Width", 1), 1e-3f) : e.literal(1);
-    const Value3 p = n.position(), g = n.geometric_normal();
-    // The footprint, but not so small that rounding of the position shows.
-    const Value floor = e.add(e.mul(e.length(p), 1e-5f), 1e-7f);
-    const Value footprint = e.max(e.input(InputColumn::Footprint), e.div(floor, width));
-    const Value basis = e.emit(Op::Vector, uint8_t(VectorKind::Basis), {g.x, g.y, g.z}, 6);
-    const Value3 dx = e.mul(e.triple(basis), footprint), dy = e.mul(e.triple(e.after(basis, 3)), footprint);
-    const auto height_at = [&](Value3 offset) {
-        const Value uv = e.emit(Op::ShiftBarycentrics, 0, {offset.x, offset.y, offset.z}, 2);
-        NodeContext shifted(n.graph(), n.index, n.graph().add_shift({offset, uv, e.after(uv, 1)}));
-        return shifted.value("Height");
-    };
-    const Value h = n.value("Height"), hx = height_at(e.mul(dx, width)), hy = height_at(e.mul(dy, width));
-    const Value distance = n.value("Distance", 1), strength = n.value("Strength", 1);
-    n.set_vector("Normal", e.triple(e.emit(Op::Bump, 0,
-                                           std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, strength,
-                                                              n.flag("invert") ? e.negate(distance) : distance, width},
-                                           3)));
+    const Value distance = n.value("Distance", 1);
+    BumpRequest request;
+    request.height = [](NodeContext& at) { return at.value("Height"); };
+    request.normal = normal;
+    request.strength = n.value("Strength", 1);
+    request.distance = n.flag("invert") ? e.negate(distance) : distance;
+    request.width = n.has("Filter Width") ? e.max(n.value("Filter Width", 1), 1e-3f) : e.literal(1);
+    n.set_vector("Normal", bend_normal(n, request));
 }
 
 void compile_displacement(NodeContext& n) {
@@ -198,6 +187,27 @@ constexpr CatalogueEntry kEntries[] = {
 };
 
 }  // namespace
+
+Value3 bend_normal(NodeContext& n, const BumpRequest& request) {
+    Expressions& e = n.e;
+    n.graph().values.has_bump = true;
+    const Value3 p = e.input3(InputColumn::PositionX), g = n.geometric_normal();
+    // The footprint, but not so small that rounding of the position shows.
+    const Value floor = e.add(e.mul(e.length(p), 1e-5f), 1e-7f);
+    const Value footprint = e.max(e.input(InputColumn::Footprint), e.div(floor, request.width));
+    const Value basis = e.emit(Op::Vector, uint8_t(VectorKind::Basis), {g.x, g.y, g.z}, 6);
+    const Value3 dx = e.mul(e.triple(basis), footprint), dy = e.mul(e.triple(e.after(basis, 3)), footprint);
+    const auto height_at = [&](Value3 offset) {
+        const Value uv = e.emit(Op::ShiftBarycentrics, 0, {offset.x, offset.y, offset.z}, 2);
+        NodeContext shifted(n.graph(), n.index, n.graph().add_shift({offset, uv, e.after(uv, 1)}));
+        return request.height(shifted);
+    };
+    const Value h = request.height(n), hx = height_at(e.mul(dx, request.width)), hy = height_at(e.mul(dy, request.width));
+    const Value3& normal = request.normal;
+    return e.triple(e.emit(
+        Op::Bump, 0,
+        std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, request.strength, request.distance, request.width}, 3));
+}
 
 std::span<const CatalogueEntry> vector_nodes() {
     return kEntries;

@@ -177,6 +177,22 @@ void GraphCompiler::mix_shaders(int root) {
     }
 }
 
+void GraphCompiler::bend_by_displacement(const scene::Node& output) {
+    const scene::NodeInput* displacement = find_input(output, "Displacement");
+    if (!displacement || !is_value_link(*displacement)) return;
+    // Its height along the normal bends the normal that all nodes then see. Evaluated as a shift by nothing, so that nodes which
+    // are shared with the surface are not remembered with the plain normal.
+    const Value zero = e.literal(0);
+    const int here = add_shift({{zero, zero, zero}, e.input(InputColumn::BarycentricU), e.input(InputColumn::BarycentricV)});
+    NodeContext context(*this, int(&output - shader.graph.nodes.data()), here);
+    BumpRequest request;
+    request.normal = context.shading_normal();
+    request.height = [this, &request](NodeContext& at) { return e.dot(at.vector("Displacement"), request.normal); };
+    request.strength = request.distance = e.literal(1);
+    request.width = e.literal(semantics.displacement_width);
+    surface_normal = bend_normal(context, request);
+}
+
 ShaderValues GraphCompiler::compile() {
     const scene::ShaderGraph& graph = shader.graph;
     if (graph.output_node < 0 || size_t(graph.output_node) >= graph.nodes.size()) return values;
@@ -184,6 +200,7 @@ ShaderValues GraphCompiler::compile() {
     const scene::NodeInput* surface = find_input(output, "Surface");
     if (const scene::NodeInput* volume = find_input(output, "Volume"); volume && volume->from_node >= 0)
         warn(output, "Volume shaders are not supported yet: the link is ignored");
+    bend_by_displacement(output);
     if (surface && surface->from_node >= 0) {
         const int root = shader_source(surface);
         if (root >= 0) {

@@ -1,6 +1,7 @@
 /// One shader's node graph -> expressions: follows links, converts sockets, mixes shader nodes, and keeps what comes out.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -37,6 +38,14 @@ struct Shift {
     Value u, v;
 };
 
+/// The normal bent by a height over the surface, as the Bump node does it.
+struct BumpRequest {
+    std::function<Value(NodeContext& at)> height;  ///< called for the point itself and for two shifted ones
+    Value3 normal;
+    Value strength, distance, width;  ///< width: of the finite difference, in footprints
+};
+Value3 bend_normal(NodeContext& node, const BumpRequest& request);  ///< compile_vectors.cpp
+
 class GraphCompiler {
 public:
     GraphCompiler(const scene::Shader& shader, const scene::Scene& scene, scene::SceneTables& tables, Expressions& expressions, Report& report);
@@ -59,9 +68,11 @@ public:
     Expressions& e;
     Semantics semantics;
     ShaderValues values;
+    Value3 surface_normal;  ///< bent by displacement; not valid: the span's own
 
 private:
     bool run_node(int node, int shift);
+    void bend_by_displacement(const scene::Node& output);
     void mix_shaders(int root);
     void visit_shader(int node, std::set<int>& done, std::set<int>& active, std::vector<int>& order, int depth);
     void add_weight(int node, Value3 weight);

@@ -198,6 +198,11 @@ Value NodeContext::barycentric_v() {
     return shift == 0 ? e.input(InputColumn::BarycentricV) : graph_.shift(shift).v;
 }
 
+Value3 NodeContext::shading_normal() {
+    const bool bent = shift == 0 && graph_.surface_normal.valid();
+    return bent ? graph_.surface_normal : e.input3(InputColumn::NormalX);
+}
+
 Value3 NodeContext::generated() {
     const Value3 p = to_object(position(), TransformKind::PointToObject);
     const uint32_t id = uint32_t(graph_.tables.attribute_id("@generated"));

@@ -74,7 +74,7 @@ public:
     Value3 generated();
     Value barycentric_u();
     Value barycentric_v();
-    Value3 shading_normal() { return e.input3(InputColumn::NormalX); }
+    Value3 shading_normal();  ///< bent by displacement
     Value3 geometric_normal() { return e.input3(InputColumn::GeometricX); }
     Value3 incoming() { return e.input3(InputColumn::IncomingX); }
     /// Four components of a mesh (or object) attribute.

@@ -11,6 +11,7 @@ struct Semantics {
     bool noise_roughness_clamped = false;   ///< roughness of fractal noise is limited to 1 (3.4)
     bool voronoi_integer_hash = true;       ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
     bool magic_wraps_before_scale = false;  ///< Magic repeats its coordinates before Scale (before 5.0)
+    float displacement_width = 0.1f;        ///< filter width of the bump that stands for displacement
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
@@ -20,6 +21,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.voronoi_integer_hash = version >= 500;
     s.noise_roughness_clamped = version < 402;
     s.magic_wraps_before_scale = version < 500;
+    s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;
 }
 

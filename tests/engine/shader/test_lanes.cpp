@@ -332,6 +332,22 @@ TEST(Surface, BumpFollowsTheSlope) {
     }
 }
 
+TEST(Surface, DisplacementBendsEveryNormal) {
+    // Height 0.5 x: the Geometry node in the surface sees the bent normal, the shared one in the displacement does not disturb it.
+    GraphBuilder g;
+    const int geometry = g.node("ShaderNodeNewGeometry").id();
+    const Socket x = g.out(g.node("ShaderNodeSeparateXYZ").link("Vector", V, g.out(geometry, "Position", V)).id(), "X", F);
+    NodeBuilder d = g.node("ShaderNodeDisplacement").link("Height", F, x).set("Midlevel", 0.0f).set("Scale", 0.5f);
+    g.surface(g.emission(g.out(geometry, "Normal", V)));
+    const Socket from = g.out(d.id(), "Displacement", V);
+    g.shader.graph.nodes[size_t(g.shader.graph.output_node)].inputs.push_back({"Displacement", V, {}, true, from.node, from.identifier});
+    Stage stage(g);
+    const Vec3 normal = stage.at(0.2f, 0.3f);
+    EXPECT_NEAR(normal.x, -0.5f / std::sqrt(1.25f), 1e-3);
+    EXPECT_NEAR(normal.z, 1 / std::sqrt(1.25f), 1e-3);
+    EXPECT_TRUE(stage.compiled().has_bump);
+}
+
 TEST(Surface, BumpWithoutHeightIsPlain) {
     GraphBuilder g;
     g.surface(g.emission(g.out(g.node("ShaderNodeBump").set("Height", 1.0f).id(), "Normal", V)));
