@@ -271,8 +271,9 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
         entry.uses = 0;
         entry.instanced = false;
         if (entry.mesh) continue;
-        if (!builder.progress.report(0)) throw Cancelled{};
-        entry.repeated = repeated_triangles(*meshes_of[i]);
+        entry.repeated = repeated_triangles(*meshes_of[i], [&] {
+            if (!builder.progress.report(0)) throw Cancelled{};
+        });
         entry.mesh = mesh_of(i);
     }
     const std::vector<uint32_t> masks = unshadowed_visibility(tables, meshes_of);
@@ -405,6 +406,20 @@ Vec3 Accelerator::scene_center() const {
 }
 const void* Accelerator::handle() const {
     return state_->top.get();
+}
+
+size_t estimate_bytes(const scene::SceneTables& tables) {
+    std::vector<bool> counted(tables.meshes.size(), false);
+    size_t bytes = 0;
+    for (int32_t i = 0; i < tables.view.object_count; ++i) {
+        const scene::ObjectView& object = tables.view.objects[i];
+        if (object.mesh < 0 || object.visibility == 0) continue;
+        bytes += 400;
+        if (counted[size_t(object.mesh)]) continue;
+        counted[size_t(object.mesh)] = true;
+        bytes += 3500 + 150 * size_t(tables.meshes[size_t(object.mesh)].triangle_count);
+    }
+    return bytes;
 }
 
 std::string embree_version() {

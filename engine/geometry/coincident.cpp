@@ -1,15 +1,21 @@
 #include "geometry/coincident.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <compare>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <unordered_map>
+#include <utility>
 
 #include "base/error.h"
 
 namespace talbot::geometry {
 namespace {
+
+constexpr size_t kPollEvery = 1 << 17;
 
 uint64_t mix(uint64_t h, uint32_t word) {
     h = (h ^ word) * 0xff51afd7ed558ccdu;
@@ -25,42 +31,81 @@ bool equal(Vec3 a, Vec3 b) {
     return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-struct Triangle {
-    Vec3 p[3];
-};
+/// For every vertex the first one in the same position; empty when all positions differ, as they do in most meshes.
+std::vector<uint32_t> first_at_position(const std::vector<Vec3>& positions, const std::function<void()>& poll) {
+    // Two bitmaps, small enough for the caches, tell which vertices may have a twin; few others share their bits.
+    const size_t n = positions.size();
+    const size_t bits = std::bit_ceil(std::max<size_t>(16 * n, 64));
+    std::vector<uint64_t> once(bits / 64, 0), again(bits / 64, 0);
+    for (Vec3 p : positions) {
+        const uint64_t bit = hash_position(p) & (bits - 1), mask = uint64_t(1) << (bit & 63);
+        again[bit / 64] |= once[bit / 64] & mask;
+        once[bit / 64] |= mask;
+    }
+    const auto may_have_twin = [&](uint64_t h) { return again[(h & (bits - 1)) / 64] >> (h & 63) & 1; };
+    const auto candidates = size_t(std::count_if(positions.begin(), positions.end(), [&](Vec3 p) { return may_have_twin(hash_position(p)); }));
 
-bool same_corners(const Triangle& a, const Triangle& b) {
-    constexpr int orders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
-    for (const auto& order : orders)
-        if (equal(a.p[0], b.p[order[0]]) && equal(a.p[1], b.p[order[1]]) && equal(a.p[2], b.p[order[2]])) return true;
-    return false;
+    // Those go through a table with open addressing; a slot holds a vertex plus one.
+    std::vector<uint32_t> table(std::bit_ceil(2 * candidates + 1), 0), first;
+    for (size_t i = 0; i < n; ++i) {
+        const uint64_t h = hash_position(positions[i]);
+        if (i % kPollEvery == 0) poll();
+        if (!may_have_twin(h) || !equal(positions[i], positions[i])) continue;  // NaN equals nothing
+        size_t slot = (h >> 20) & (table.size() - 1);
+        while (table[slot] != 0 && !equal(positions[i], positions[table[slot] - 1])) slot = (slot + 1) & (table.size() - 1);
+        if (table[slot] == 0) {
+            table[slot] = uint32_t(i) + 1;
+            continue;
+        }
+        if (first.empty()) {
+            first.resize(n);
+            std::iota(first.begin(), first.end(), 0u);
+        }
+        first[i] = table[slot] - 1;
+    }
+    return first;
 }
 
 }  // namespace
 
-std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh) {
+std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::function<void()>& poll) {
     const size_t vertices = mesh.positions.size(), triangles = mesh.triangle_count();
-    const auto triangle = [&](size_t i) {
-        const uint32_t* v = mesh.triangle_vertices.data() + 3 * i;
-        return Triangle{{mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]}};
-    };
     for (uint32_t v : mesh.triangle_vertices)
         if (v >= vertices) throw Error("a triangle names a vertex that does not exist", "Mesh '" + mesh.name + "'");
+    const std::vector<uint32_t> first = first_at_position(mesh.positions, poll);
+    const auto corners = [&](size_t i) {
+        std::array<uint32_t, 3> c{mesh.triangle_vertices[3 * i], mesh.triangle_vertices[3 * i + 1], mesh.triangle_vertices[3 * i + 2]};
+        if (!first.empty())
+            for (uint32_t& v : c) v = first[v];
+        std::sort(c.begin(), c.end());
+        return c;
+    };
 
-    // Open addressing; a slot holds a triangle's index plus one. Corners' hashes are added up: their order does not matter.
-    size_t slots = 16;
-    while (slots < 2 * triangles) slots *= 2;
-    std::vector<uint32_t> table(slots, 0), repeated;
-    for (size_t i = 0; i < triangles; ++i) {
-        const Triangle t = triangle(i);
-        const uint64_t h = hash_position(t.p[0]) + hash_position(t.p[1]) + hash_position(t.p[2]);
-        size_t slot = (h ^ (h >> 31)) & (slots - 1);
-        while (table[slot] != 0 && !same_corners(t, triangle(table[slot] - 1))) slot = (slot + 1) & (slots - 1);
-        if (table[slot] != 0)
-            repeated.push_back(uint32_t(i));
-        else
-            table[slot] = uint32_t(i) + 1;
+    // Triangles by their lowest vertex (a counting sort: neighbours in memory stay neighbours), then equal ones within each vertex.
+    std::vector<uint32_t> start(vertices + 1, 0), order(triangles);
+    for (size_t i = 0; i < triangles; ++i) ++start[corners(i)[0] + 1];
+    std::partial_sum(start.begin(), start.end(), start.begin());
+    std::vector<uint32_t> next(start.begin(), start.end() - 1);
+    for (size_t i = 0; i < triangles; ++i) order[next[corners(i)[0]]++] = uint32_t(i);
+    struct Rest {
+        uint32_t middle, highest, triangle;
+        auto operator<=>(const Rest&) const = default;
+    };
+    std::vector<Rest> bucket;
+    std::vector<uint32_t> repeated;
+    for (size_t v = 0; v < vertices; ++v) {
+        if (v % kPollEvery == 0) poll();
+        if (start[v + 1] - start[v] < 2) continue;
+        bucket.clear();
+        for (size_t k = start[v]; k < start[v + 1]; ++k) {
+            const auto c = corners(order[k]);
+            bucket.push_back({c[1], c[2], order[k]});
+        }
+        std::sort(bucket.begin(), bucket.end());
+        for (size_t k = 1; k < bucket.size(); ++k)
+            if (bucket[k].middle == bucket[k - 1].middle && bucket[k].highest == bucket[k - 1].highest) repeated.push_back(bucket[k].triangle);
     }
+    std::sort(repeated.begin(), repeated.end());
     return repeated;
 }
 

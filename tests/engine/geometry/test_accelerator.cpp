@@ -138,6 +138,11 @@ TEST(Accelerator, FirstOfCoincidingTrianglesWins) {
             repeated->triangle_vertices.insert(repeated->triangle_vertices.end(), {once[i + 1], once[i + size_t(2 * k)], once[i + 2 - size_t(2 * k)]});
     }
     const Affine place = translate_rotate_scale({0.1f, 0.2f, 0.3f}, {1, 2, 3}, 1, {1, 1.2f, 1.3f});
+    // And a copy whose triangles share no vertices.
+    for (size_t i = 0; i < once.size(); ++i) {
+        repeated->triangle_vertices.push_back(uint32_t(repeated->positions.size()));
+        repeated->positions.push_back(repeated->positions[once[i]]);
+    }
     for (int kind = 0; kind < 3; ++kind) {
         World world;
         world.add(box(), translate_rotate_scale({9, 9, 9}, {1, 0, 0}, 0, {1, 1, 1}));
@@ -342,6 +347,26 @@ TEST(Accelerator, CancelStopsAndTheNextBuildWorks) {
         EXPECT_GE(ray.object[0], 0);
         EXPECT_GT(accelerator.bytes(), 1000000u);
         EXPECT_GT(last, 0.5);
+    }
+}
+
+TEST(Accelerator, EstimateIsAboveWhatIsTakenButNotFar) {
+    World world;
+    EXPECT_EQ(estimate_bytes(world.view()), 0u);
+    world.add(terrain(150));
+    for (int i = 0; i < 50; ++i) world.add(sphere(3), translate_rotate_scale({float(i), 0, 0}, {1, 2, 3}, float(i), {1, 1, 1}));
+    const auto shared = sphere(3);
+    for (int i = 0; i < 200; ++i) world.add(shared, translate_rotate_scale({float(i), 5, 0}, {1, 2, 3}, float(i), {1, 1, 1}));
+    for (bool flatten : {true, false}) {
+        Accelerator accelerator;
+        size_t peak = 0;
+        accelerator.build(world.view(), flattened(flatten, [&](double) {
+                              peak = std::max(peak, accelerator.bytes());
+                              return true;
+                          }));
+        peak = std::max(peak, accelerator.bytes());
+        EXPECT_LT(peak, estimate_bytes(world.tables));
+        EXPECT_GT(peak, estimate_bytes(world.tables) / 3);
     }
 }
 
