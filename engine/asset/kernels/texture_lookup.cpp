@@ -67,7 +67,7 @@ TALBOT_INLINE void wrap_taps(IntColumn index, Column weight, int n, int size, Ex
         case Extension::Clip:
             for (int i = 0; i < n; ++i) {
                 const int j = index[i];
-                weight[i] = (j < 0) | (j > last) ? 0.0f : weight[i];
+                weight[i] = ((j < 0) | (j > last)) ? 0.0f : weight[i];
                 const int k = j < 0 ? 0 : j;
                 index[i] = k > last ? last : k;
             }
