@@ -30,7 +30,8 @@ def environment() -> dict[str, str]:
         **os.environ,
         # Libraries of the distribution keep memory until the end; what we leak ourselves is reported.
         "LSAN_OPTIONS": f"suppressions={SUPPRESSIONS}/lsan.supp:print_suppressions=0",
-        "ASAN_OPTIONS": "detect_stack_use_after_return=1:strict_string_checks=1:abort_on_error=0:fast_unwind_on_malloc=0",
+        "ASAN_OPTIONS": "detect_stack_use_after_return=1:strict_string_checks=1:abort_on_error=0"
+        ":fast_unwind_on_malloc=0",  # whole stacks, or the suppressions find no library in them
         "UBSAN_OPTIONS": "halt_on_error=1:print_stacktrace=1",
         # The distribution's TBB and Embree are not instrumented: what they synchronise looks like a race.
         "TSAN_OPTIONS": f"suppressions={SUPPRESSIONS}/tsan.supp:ignore_noninstrumented_modules=1:halt_on_error=1",
