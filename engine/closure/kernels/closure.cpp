@@ -21,9 +21,10 @@ void dispatch(const ClosureSlot& slot, const LobeCall& call) {
         case ClosureType::Translucent:
         case ClosureType::Transparent:
             return run_diffuse(slot.type, call);
-        case ClosureType::Microfacet:
         case ClosureType::MicrofacetRefract:
         case ClosureType::MicrofacetGlass:
+            return run_interface(slot.type, (slot.variant & kVariantBeckmann) != 0, call);
+        case ClosureType::Microfacet:
         case ClosureType::AshikhminShirley:
             return run_microfacet(slot.type, slot.variant, call);
         case ClosureType::AshikhminVelvet:

@@ -240,6 +240,7 @@ void run_lobe(const LobeCall& call) {
 /// One a family (file).
 void run_diffuse(ClosureType type, const LobeCall& call);
 void run_microfacet(ClosureType type, uint8_t variant, const LobeCall& call);
+void run_interface(ClosureType type, bool beckmann, const LobeCall& call);
 void run_sheen(ClosureType type, const LobeCall& call);
 void run_toon(ClosureType type, const LobeCall& call);
 void run_principled_v1(ClosureType type, const LobeCall& call);
