@@ -44,8 +44,7 @@ Vec3 max3(Vec3 a, Vec3 b) {
     return {maxf(a.x, b.x), maxf(a.y, b.y), maxf(a.z, b.z)};
 }
 
-TriangleSet add_triangles(const scene::MeshView& mesh, const int32_t* slots, int slot_count, const std::vector<EmissiveShader>& emissive,
-                          EmitterTable& table) {
+TriangleSet add_triangles(const scene::MeshView& mesh, const int32_t* slots, int slot_count, const std::vector<EmissiveShader>& emissive, EmitterTable& table) {
     TriangleSet set;
     set.first = int32_t(table.triangles.size());
     set.low = vec3(1e30f);
@@ -179,8 +178,8 @@ bool as_rect(const TriangleSet& set, const MeshEmitter& emitter, const shader::P
 
 }  // namespace
 
-void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report,
-                const std::atomic<bool>* cancel, EmitterTable& table) {
+void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report, const std::atomic<bool>* cancel,
+                EmitterTable& table) {
     const scene::SceneView& view = tables.view;
     table.object_emitter.assign(size_t(view.object_count), -1);
     if (!scene.settings.use_emission_sampling) return;

@@ -30,27 +30,29 @@ float make_world_map(const std::vector<float>& fine, int width, int height, Emit
     // Weight of a cell: its own samples, and as much again from a border of one sample around it, because what interpolation spreads beyond a
     // bright texel's cell must stay reachable.
     std::vector<double> weight(size_t(width) * size_t(height));
-    const auto at = [&](int x, int y) {
-        const int xx = (x + fine_width) % fine_width, yy = std::clamp(y, 0, fine_height - 1);
-        return double(fine[size_t(yy) * size_t(fine_width) + size_t(xx)]);
-    };
+    // Rows first: sums of a cell's two samples, and of them with one more on either side.
+    std::vector<double> own(weight.size() * 2), around(weight.size() * 2);
+    for (int y = 0; y < fine_height; ++y) {
+        const float* row = &fine[size_t(y) * size_t(fine_width)];
+        for (int x = 0; x < width; ++x) {
+            const size_t k = size_t(y) * size_t(width) + size_t(x);
+            own[k] = double(row[2 * x]) + double(row[2 * x + 1]);
+            around[k] = own[k] + double(row[x > 0 ? 2 * x - 1 : fine_width - 1]) + double(row[x + 1 < width ? 2 * x + 2 : 0]);
+        }
+    }
     double sum = 0, solid = 0, low = 1e30, high = 0;
     for (int y = 0; y < height; ++y) {
         const double sine = std::sin(M_PI * (y + 0.5) / height);
-        for (int x = 0; x < width; ++x) {
-            double own = 0, around = 0;
-            for (int dy = -1; dy < 3; ++dy) {
-                for (int dx = -1; dx < 3; ++dx) {
-                    const double f = at(2 * x + dx, 2 * y + dy);
-                    around += f;
-                    if (dx >= 0 && dx < 2 && dy >= 0 && dy < 2) own += f;
-                }
-            }
-            weight[size_t(y) * size_t(width) + size_t(x)] = 0.5 * own / 4 + 0.5 * around / 16;
-            sum += own / 4 * sine;
+        const size_t first = size_t(2 * y) * size_t(width), second = first + size_t(width);
+        const size_t above = y > 0 ? first - size_t(width) : first, below = y + 1 < height ? second + size_t(width) : second;
+        for (size_t x = 0; x < size_t(width); ++x) {
+            const double inner = (own[first + x] + own[second + x]) / 4;
+            const double outer = (around[above + x] + around[first + x] + around[second + x] + around[below + x]) / 16;
+            weight[size_t(y) * size_t(width) + x] = 0.5 * inner + 0.5 * outer;
+            sum += inner * sine;
             solid += sine;
-            low = std::min(low, own / 4);
-            high = std::max(high, own / 4);
+            low = std::min(low, inner);
+            high = std::max(high, inner);
         }
     }
     const double average = sum / solid;

@@ -47,11 +47,11 @@ struct Reach {
     float strength = 0;     ///< irradiance (luminance, mean of channels) at distance 1 along the axis
     float cos_normals = 1;  ///< half angle of the cone about the axis that holds all normals
     float sin_normals = 0;
-    float two_sided = 0;      ///< 1: the axis counts in both directions
-    float behind = -2;        ///< nothing where the cosine to the axis is at most this: 0 for one-sided planes
+    float two_sided = 0;  ///< 1: the axis counts in both directions
+    float behind = -2;    ///< nothing where the cosine to the axis is at most this: 0 for one-sided planes
     float cos_limit = 0;  ///< spread or spot: no emission beyond this angle from a normal
     float inv_tan_limit = 0;
-    float gain = 1;  ///< of the spread on its axis
+    float gain = 1;        ///< of the spread on its axis
     float inv_smooth = 0;  ///< spot: see Lamp
     ConeFrame cone;
 };
@@ -80,7 +80,7 @@ struct Lamp {
     ConeFrame cone;
     int32_t kind = 0;
     int32_t rect = -1;
-    int32_t emitter = -1;  ///< in the list of local emitters; -1: not sampled (no power)
+    int32_t emitter = -1;         ///< in the list of local emitters; -1: not sampled (no power)
     int32_t program_shader = -1;  ///< shader whose emission program multiplies `power`; -1: constant
     int32_t visibility = 0;
     int32_t hit_visibility = 0;  ///< rays that may hit it (without MIS: camera rays only)
@@ -121,11 +121,11 @@ struct AliasEntry {
 };
 
 struct Sun {
-    Vec3 direction;      ///< towards it, unit
+    Vec3 direction;       ///< towards it, unit
     Vec3 axis_x, axis_y;  ///< orthonormal with direction; the lamp's local X and Y
     float cos_half = 1;
-    float one_minus_cos = 0;  ///< 0: delta
-    Rgb power;                ///< radiance on the axis; irradiance when delta
+    float one_minus_cos = 0;       ///< 0: delta
+    Rgb power;                     ///< radiance on the axis; irradiance when delta
     bool tangent_profile = false;  ///< radiance times 1/cos^3 (3.4)
     float probability = 0;
     int32_t program_shader = -1;
@@ -139,10 +139,10 @@ struct Sun {
 /// Importance map of the world: latitude rows (0 = +Z) by longitude columns, piecewise constant in (u, v).
 struct WorldMap {
     int width = 0, height = 0;
-    const float* rows = nullptr;       ///< height + 1: running share of the rows
-    const float* columns = nullptr;    ///< height * (width + 1): running share within each row
-    const float* density = nullptr;    ///< height * width: density per unit (u, v)
-    float probability = 0;             ///< of choosing the world in the distant stratum; 0: not sampled
+    const float* rows = nullptr;     ///< height + 1: running share of the rows
+    const float* columns = nullptr;  ///< height * (width + 1): running share within each row
+    const float* density = nullptr;  ///< height * width: density per unit (u, v)
+    float probability = 0;           ///< of choosing the world in the distant stratum; 0: not sampled
 };
 
 /// What kernels read.
@@ -194,8 +194,8 @@ std::vector<AliasEntry> make_alias(const std::vector<double>& weights);
 
 /// The three parts of `build_emitters`; each appends to the table's vectors. Views are set afterwards.
 void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Report& report, EmitterTable& table);
-void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report,
-                const std::atomic<bool>* cancel, EmitterTable& table);
+void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report, const std::atomic<bool>* cancel,
+                EmitterTable& table);
 /// The map from luminance on a grid of 2 width x 2 height cell centres, row 0 at +Z. Returns the mean, 0 when the sky is black or (almost) uniform and
 /// no map is made.
 float make_world_map(const std::vector<float>& fine, int width, int height, EmitterTable& table);

@@ -34,8 +34,8 @@ void prepare_span(LightScratch& scratch, int n) {
         *c = take_column<float>(next);
         fill_column(*c, n, 0.0f);
     }
-    for (int32_t** c : {&s.object, &s.primitive, &s.constants, &s.ray_flags, &s.backfacing, &s.depth, &s.diffuse_depth, &s.glossy_depth,
-                        &s.transparent_depth, &s.transmission_depth}) {
+    for (int32_t** c : {&s.object, &s.primitive, &s.constants, &s.ray_flags, &s.backfacing, &s.depth, &s.diffuse_depth, &s.glossy_depth, &s.transparent_depth,
+                        &s.transmission_depth}) {
         *c = take_column<int32_t>(next);
         fill_column(*c, n, 0);
     }
@@ -88,8 +88,7 @@ void evaluate_background(const shader::Programs& programs, const shader::ShaderC
 }
 
 void apply_lamp_programs(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
-                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n,
-                         Columns3 radiance) {
+                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n, Columns3 radiance) {
     uint8_t waiting[kSpan];
     for (int i = 0; i < n; ++i) waiting[i] = lamp[i] >= 0 && (is_sun ? table.suns[lamp[i]].program_shader : table.lamps[lamp[i]].program_shader) >= 0;
     for (int first = 0; first < n; ++first) {

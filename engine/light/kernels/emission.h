@@ -35,8 +35,7 @@ void evaluate_background(const shader::Programs& programs, const shader::ShaderC
 
 /// Multiplies radiance by the lamps' own programs. `lamp[i]` indexes table.lamps, or table.suns when `is_sun`; lanes with -1 or with a constant lamp stay.
 void apply_lamp_programs(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
-                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n,
-                         Columns3 radiance);
+                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n, Columns3 radiance);
 
 /// Radiance of emissive triangles (object, primitive) at barycentrics (u, v) towards wo, for lanes whose shader has a program.
 void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const int32_t* shader,

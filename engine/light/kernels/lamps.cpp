@@ -14,8 +14,9 @@ TALBOT_INLINE float hit_lamp(const Lamp& lamp, const Rect& rect, Vec3 o, Vec3 d)
         const float t = dot(to, rect.normal) / (lane_abs(along) < 1e-30f ? -1e-30f : along);
         const Vec3 q = d * t - to;
         const float a = dot(q, rect.axis_x), b = dot(q, rect.axis_y);
-        const bool hit = (along < 0.0f) & (lane_abs(a) <= rect.half_x) & (lane_abs(b) <= rect.half_y) & inside_ellipse(rect, a, b);
-        return hit ? t : -1.0f;
+        const float inside = minf(minf(rect.half_x - lane_abs(a), rect.half_y - lane_abs(b)), ellipse_margin(rect, a, b));
+        const float front = inside >= 0.0f ? along : 0.0f;
+        return front < 0.0f ? t : -1.0f;
     } else if constexpr (kind == EmitterKind::FacingDisk) {
         const Vec3 to = lamp.center - o;
         const float d2 = dot(to, to), along = dot(d, to);
@@ -44,9 +45,10 @@ TALBOT_INLINE void intersect_lamp(const EmitterView& table, int32_t index, Const
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const float hit = hit_lamp<kind>(lamp, rect, {ox[i], oy[i], oz[i]}, {dx[i], dy[i], dz[i]});
-        const bool nearer = (hit > t_min[i]) & (hit < t[i]) & ((visibility[i] & lamp.hit_visibility) != 0);
-        t[i] = nearer ? hit : t[i];
-        emitter[i] = nearer ? index : emitter[i];
+        const float between = minf(hit - t_min[i], t[i] - hit);
+        const float nearer = (visibility[i] & lamp.hit_visibility) != 0 ? between : 0.0f;
+        t[i] = nearer > 0.0f ? hit : t[i];
+        emitter[i] = nearer > 0.0f ? index : emitter[i];
     }
 }
 
@@ -68,9 +70,15 @@ void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColu
         for (int k = 0; k < table.visible_lamp_count; ++k) {
             const int32_t index = table.visible_lamps[k];
             switch (EmitterKind(table.lamps[index].kind)) {
-                case EmitterKind::Rect: intersect_lamp<EmitterKind::Rect>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
-                case EmitterKind::FacingDisk: intersect_lamp<EmitterKind::FacingDisk>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
-                default: intersect_lamp<EmitterKind::Sphere>(table, index, o, d, start, visibility + begin, m, found, nearest); break;
+                case EmitterKind::Rect:
+                    intersect_lamp<EmitterKind::Rect>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    break;
+                case EmitterKind::FacingDisk:
+                    intersect_lamp<EmitterKind::FacingDisk>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    break;
+                default:
+                    intersect_lamp<EmitterKind::Sphere>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    break;
             }
         }
         for (int i = 0; i < m; ++i) {
@@ -80,9 +88,9 @@ void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColu
     }
 }
 
-void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t,
-                 const int32_t* ray_flags, int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
-                 Columns3 radiance, float* pdf, const int32_t* bounce) {
+void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t, const int32_t* ray_flags,
+                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
+                 const int32_t* bounce) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) {
         store(radiance, i, {});
@@ -159,12 +167,12 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             // 1 - cos from the difference of the directions: exact for small discs.
             const Vec3 apart{dx[i] - sun.direction.x, dy[i] - sun.direction.y, dz[i] - sun.direction.z};
             const float drop = 0.5f * dot(apart, apart);
-            const bool seen = (drop <= sun.one_minus_cos) & ((visibility[i] & sun.hit_visibility) != 0);
+            const float seen = (visibility[i] & sun.hit_visibility) != 0 ? sun.one_minus_cos - drop : -1.0f;
             const float own = bsdf_pdf[i], ratio = pdf / maxf(own, 1e-20f);
             const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
             const float c = maxf(1.0f - drop, 1e-4f);
             const float limit = bounce ? (bounce[i] > sun.max_bounces ? 0.0f : 1.0f) : 1.0f;
-            const float f = seen ? weight * limit * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
+            const float f = seen >= 0.0f ? weight * limit * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
             r[i] += sun.power.x * f;
             g[i] += sun.power.y * f;
             b[i] += sun.power.z * f;

@@ -39,8 +39,8 @@ void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumn
             } else {
                 const MeshEmitter& mesh = table.meshes[e.mesh];
                 const LightTriangle& own = table.triangles[triangle[j]];
-                const TriangleView view = view_triangle(transform_point(mesh.to_world, own.a), transform_point(mesh.to_world, own.b),
-                                                        transform_point(mesh.to_world, own.c), o);
+                const TriangleView view =
+                    view_triangle(transform_point(mesh.to_world, own.a), transform_point(mesh.to_world, own.b), transform_point(mesh.to_world, own.c), o);
                 const float side = own.sides == 3 ? 0.0f : (own.sides == 1 ? -mesh.front_sign : mesh.front_sign);
                 shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * own.probability;
             }

@@ -48,9 +48,15 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         gather(query.pick_v, group.lane, n, group.part);
         for (int i = 0; i < n; ++i) group.depth[i] = query.bounce[group.lane[i]] + 1;
         switch (kind) {
-            case EmitterKind::Rect: sample_rects(table, programs, group, found); break;
-            case EmitterKind::Mesh: sample_meshes(table, programs, context, scratch, group, found); break;
-            default: sample_point_lamps(table, kind, group, found); break;
+            case EmitterKind::Rect:
+                sample_rects(table, programs, group, found);
+                break;
+            case EmitterKind::Mesh:
+                sample_meshes(table, programs, context, scratch, group, found);
+                break;
+            default:
+                sample_point_lamps(table, kind, group, found);
+                break;
         }
         if (table.has_lamp_programs && kind != EmitterKind::Mesh) {
             float p[3][kSpan], wo[3][kSpan];

@@ -55,9 +55,15 @@ TALBOT_INLINE void sample_kind(const EmitterView& table, const LocalGroup& in, L
 void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalGroup& in, LocalSampled& out) {
     describe_lamps(table, in, out);
     switch (kind) {
-        case EmitterKind::Point: sample_kind<EmitterKind::Point>(table, in, out); break;
-        case EmitterKind::FacingDisk: sample_kind<EmitterKind::FacingDisk>(table, in, out); break;
-        default: sample_kind<EmitterKind::Sphere>(table, in, out); break;
+        case EmitterKind::Point:
+            sample_kind<EmitterKind::Point>(table, in, out);
+            break;
+        case EmitterKind::FacingDisk:
+            sample_kind<EmitterKind::FacingDisk>(table, in, out);
+            break;
+        default:
+            sample_kind<EmitterKind::Sphere>(table, in, out);
+            break;
     }
     if (!table.has_lamp_programs) return;
     for (int i = 0; i < in.n; ++i) {
@@ -109,7 +115,7 @@ void sample_rects(const EmitterView& table, const shader::Programs& programs, co
         const ShapeSample s = sample_rect(rect, view, in.u[i], in.v[i]);
         const float x = s.a + view.x, y = s.b + view.y;
         const float profile = spread_profile(inv_tan[i], gain[i], x, y, view.z);
-        const float lit = inside_ellipse(rect, s.a, s.b) ? profile : 0.0f;
+        const float lit = ellipse_margin(rect, s.a, s.b) >= 0.0f ? profile : 0.0f;
         out.x[i] = s.wi.x;
         out.y[i] = s.wi.y;
         out.z[i] = s.wi.z;
@@ -161,8 +167,8 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     }
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        const TriangleView t = view_triangle({v[0][i], v[1][i], v[2][i]}, {v[3][i], v[4][i], v[5][i]}, {v[6][i], v[7][i], v[8][i]},
-                                             {in.px[i], in.py[i], in.pz[i]});
+        const TriangleView t =
+            view_triangle({v[0][i], v[1][i], v[2][i]}, {v[3][i], v[4][i], v[5][i]}, {v[6][i], v[7][i], v[8][i]}, {in.px[i], in.py[i], in.pz[i]});
         const ShapeSample s = sample_triangle(t, in.u[i], in.v[i]);
         out.x[i] = s.wi.x;
         out.y[i] = s.wi.y;

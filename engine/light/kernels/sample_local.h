@@ -24,8 +24,8 @@ struct LocalSampled {
     float r[kSpan], g[kSpan], b[kSpan];
     int32_t visibility[kSpan], object[kSpan], max_bounces[kSpan];
     uint8_t casts_shadow[kSpan];
-    int32_t lamp[kSpan];                        ///< -1: mesh
-    float nx[kSpan], ny[kSpan], nz[kSpan];      ///< lamp programs only
+    int32_t lamp[kSpan];                    ///< -1: mesh
+    float nx[kSpan], ny[kSpan], nz[kSpan];  ///< lamp programs only
     float coordinate_u[kSpan], coordinate_v[kSpan];
 };
 

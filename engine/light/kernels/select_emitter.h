@@ -71,10 +71,18 @@ TALBOT_INLINE void add_reach(const Reach& reach, ConstColumns3 p, int n, float* 
 /// weight[i] = estimate of one emitter at each lane's point, added to sum[i].
 TALBOT_INLINE void weigh_emitter(const Reach& reach, ConstColumns3 p, int n, float* weight, float* sum) {
     switch (reach.kind) {
-        case ReachKind::Isotropic: add_reach<ReachKind::Isotropic>(reach, p, n, weight, sum); break;
-        case ReachKind::Lambert: add_reach<ReachKind::Lambert>(reach, p, n, weight, sum); break;
-        case ReachKind::Oriented: add_reach<ReachKind::Oriented>(reach, p, n, weight, sum); break;
-        case ReachKind::Spot: add_reach<ReachKind::Spot>(reach, p, n, weight, sum); break;
+        case ReachKind::Isotropic:
+            add_reach<ReachKind::Isotropic>(reach, p, n, weight, sum);
+            break;
+        case ReachKind::Lambert:
+            add_reach<ReachKind::Lambert>(reach, p, n, weight, sum);
+            break;
+        case ReachKind::Oriented:
+            add_reach<ReachKind::Oriented>(reach, p, n, weight, sum);
+            break;
+        case ReachKind::Spot:
+            add_reach<ReachKind::Spot>(reach, p, n, weight, sum);
+            break;
     }
 }
 

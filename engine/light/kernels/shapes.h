@@ -11,8 +11,8 @@
 
 namespace talbot::light {
 
-inline constexpr float kRectBySolidAngle = 0.01f;     ///< sr: rectangles above are sampled by solid angle
-inline constexpr float kEllipseBySolidAngle = 0.5f;   ///< sr of the bounding rectangle; samples outside the ellipse are lost
+inline constexpr float kRectBySolidAngle = 0.01f;    ///< sr: rectangles above are sampled by solid angle
+inline constexpr float kEllipseBySolidAngle = 0.5f;  ///< sr of the bounding rectangle; samples outside the ellipse are lost
 inline constexpr float kTriangleBySolidAngle = 0.02f;
 
 /// A point on a shape. pdf 0: no sample.
@@ -27,8 +27,8 @@ struct ShapeSample {
 struct RectView {
     float x = 0, y = 0;  ///< centre
     float x0 = 0, x1 = 0, y0 = 0, y1 = 0;
-    float z = 0;          ///< height of the point above the emitting side
-    float side = 1;       ///< -1: the point is behind a two-sided rectangle
+    float z = 0;           ///< height of the point above the emitting side
+    float side = 1;        ///< -1: the point is behind a two-sided rectangle
     float n0 = 0, n2 = 0;  ///< z of the edge planes' normals, [Urena et al. 2013, 4]
     float k = 0;
     float solid_angle = 0;
@@ -75,9 +75,10 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     return v;
 }
 
-TALBOT_INLINE bool inside_ellipse(const Rect& r, float a, float b) {
+/// >= 0 inside the ellipse (always for rectangles).
+TALBOT_INLINE float ellipse_margin(const Rect& r, float a, float b) {
     const float ex = a / maxf(r.half_x, 1e-30f), ey = b / maxf(r.half_y, 1e-30f);
-    return (ex * ex + ey * ey) * r.is_ellipse <= 1.0f;
+    return 1.0f - (ex * ex + ey * ey) * r.is_ellipse;
 }
 
 TALBOT_INLINE float pdf_rect(const RectView& v, float distance) {
@@ -176,11 +177,11 @@ TALBOT_INLINE ShapeSample sample_sphere(Vec3 center, float radius, Vec3 o, float
 /// A triangle from a point: vertices relative to it.
 struct TriangleView {
     Vec3 a, b, c;
-    Vec3 n;         ///< cross(b - a, c - a): twice the area
+    Vec3 n;            ///< cross(b - a, c - a): twice the area
     float height = 0;  ///< a . n: 6 volumes; the sign tells the side
     float inv_lengths = 0;
     float solid_angle = 0;
-    bool by_angle = false;
+    float by_angle = 0;  ///< > 0: sampled by solid angle
 };
 TALBOT_INLINE TriangleView view_triangle(Vec3 a, Vec3 b, Vec3 c, Vec3 o) {
     TriangleView t;
@@ -194,13 +195,13 @@ TALBOT_INLINE TriangleView view_triangle(Vec3 a, Vec3 b, Vec3 c, Vec3 o) {
     t.solid_angle = 2.0f * lane_atan2(lane_abs(t.height), denominator);
     t.inv_lengths = 1.0f / maxf(la * lb * lc, 1e-37f);
     // Thin slivers and points almost in the plane are left to area sampling.
-    t.by_angle = (t.solid_angle > kTriangleBySolidAngle) & (lane_abs(t.height) * t.inv_lengths > 1e-4f);
+    t.by_angle = minf(t.solid_angle - kTriangleBySolidAngle, lane_abs(t.height) * t.inv_lengths - 1e-4f);
     return t;
 }
 TALBOT_INLINE float pdf_triangle(const TriangleView& t, float distance) {
     const float h = lane_abs(t.height);
     const float by_area = 2.0f * distance * distance * distance / maxf(h, 1e-37f);
-    const float pdf = t.by_angle ? 1.0f / t.solid_angle : by_area;
+    const float pdf = t.by_angle > 0.0f ? 1.0f / t.solid_angle : by_area;
     return h > 0.0f ? pdf : 0.0f;
 }
 TALBOT_INLINE ShapeSample sample_triangle(const TriangleView& t, float u0, float u1) {
@@ -228,14 +229,14 @@ TALBOT_INLINE ShapeSample sample_triangle(const TriangleView& t, float u0, float
     const float facing = dot(direction, t.n);
     const Vec3 by_angle = direction * (t.height / (lane_abs(facing) < 1e-30f ? 1e-30f : facing));
 
-    const Vec3 p = t.by_angle ? by_angle : by_area;
+    const Vec3 p = t.by_angle > 0.0f ? by_angle : by_area;
     const float inv_n2 = 1.0f / maxf(dot(t.n, t.n), 1e-37f);
     const Vec3 r = p - t.a;
     ShapeSample out;
     out.distance = length(p);
     out.wi = p * (1.0f / maxf(out.distance, 1e-30f));
-    out.a = t.by_angle ? saturate(dot(cross(r, e2), t.n) * inv_n2) : area_b;
-    out.b = t.by_angle ? saturate(dot(cross(e1, r), t.n) * inv_n2) : area_c;
+    out.a = t.by_angle > 0.0f ? saturate(dot(cross(r, e2), t.n) * inv_n2) : area_b;
+    out.b = t.by_angle > 0.0f ? saturate(dot(cross(e1, r), t.n) * inv_n2) : area_c;
     out.pdf = pdf_triangle(t, out.distance);
     return out;
 }

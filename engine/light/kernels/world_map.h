@@ -32,7 +32,7 @@ TALBOT_INLINE void sample_map(const WorldMap& map, const float* u, const float* 
     find_interval(map.rows, base, map.height, v, n, row);
     for (int i = 0; i < n; ++i) base[i] = row[i] * (map.width + 1);
     find_interval(map.columns, base, map.width, u, n, column);
-    const float *__restrict rows = map.rows, *__restrict columns = map.columns, *__restrict density = map.density;
+    const float* __restrict rows = map.rows, * __restrict columns = map.columns, * __restrict density = map.density;
     const int width = map.width;
     const float inv_width = 1.0f / float(map.width), inv_height = 1.0f / float(map.height);
     Column x = direction.x, y = direction.y, z = direction.z, out = pdf;

@@ -47,8 +47,10 @@ void expect_density(Fixture& f, Vec3 p, Vec3 towards, double cos_edge, const std
                 if (s.pdf[i] <= 0) continue;
                 ++shining;
                 const int cell = cells.find(s.wi(i));
-                if (cell < 0) ++outside;
-                else observed[size_t(cell)] += 1;
+                if (cell < 0)
+                    ++outside;
+                else
+                    observed[size_t(cell)] += 1;
             }
         },
         7, true);
@@ -109,11 +111,11 @@ TEST(Density, AreaLamps) {
         double edge;
     };
     const Case cases[] = {
-        {AreaShape::Rectangle, {0.3f, -0.2f, 1}, {0, 0, 0}, 2, 1, kPi, 0.0},      // by solid angle
-        {AreaShape::Rectangle, {0.1f, 0, 0.05f}, {0.1f, 0, -1}, 1, 1, kPi, -1},   // nearly fills the hemisphere
-        {AreaShape::Rectangle, {3, 4, 20}, {0, 0, 0}, 1, 2, kPi, 0.99},           // by area
+        {AreaShape::Rectangle, {0.3f, -0.2f, 1}, {0, 0, 0}, 2, 1, kPi, 0.0},        // by solid angle
+        {AreaShape::Rectangle, {0.1f, 0, 0.05f}, {0.1f, 0, -1}, 1, 1, kPi, -1},     // nearly fills the hemisphere
+        {AreaShape::Rectangle, {3, 4, 20}, {0, 0, 0}, 1, 2, kPi, 0.99},             // by area
         {AreaShape::Rectangle, {0.4f, 0.2f, 1}, {0.4f, 0.2f, 0}, 3, 3, 0.6f, 0.5},  // clipped by its spread
-        {AreaShape::Rectangle, {2, 0, 0.3f}, {2, 0, -1}, 2, 2, kPi, -1},          // grazing
+        {AreaShape::Rectangle, {2, 0, 0.3f}, {2, 0, -1}, 2, 2, kPi, -1},            // grazing
         {AreaShape::Disk, {0.2f, 0, 5}, {0, 0, 0}, 1, 1, kPi, 0.98},
         {AreaShape::Ellipse, {0.2f, 0.1f, 1}, {0, 0, 0}, 3, 2, kPi, 0.0},
         {AreaShape::Disk, {0, 0, 3}, {0, 0, 0}, 3, 3, 0.3f, 0.95},
@@ -400,7 +402,8 @@ TEST(Density, WorldMap) {
         double sum = 0;
         for (int k = 0; k < fine_cells; ++k) {
             for (int j = 0; j < fine_cells; ++j) {
-                const float u = (float(c % cells_u) + (float(j) + 0.5f) / fine_cells) / cells_u, v = (float(c / cells_u) + (float(k) + 0.5f) / fine_cells) / cells_v;
+                const float u = (float(c % cells_u) + (float(j) + 0.5f) / fine_cells) / cells_u,
+                            v = (float(c / cells_u) + (float(k) + 0.5f) / fine_cells) / cells_v;
                 const Vec3 d = map_direction(u, v);
                 float w[3] = {d.x, d.y, d.z}, pdf = 0;
                 pdf_map(map, {w, w + 1, w + 2}, 1, &pdf);

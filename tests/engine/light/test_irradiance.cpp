@@ -90,16 +90,26 @@ TEST(Irradiance, AreaLampsMatchCycles) {
         double today, old;
     };
     const Case cases[] = {
-        {AreaShape::Square, .01f, 1, 180, 1.013177, .795774},   {AreaShape::Disk, .01f, 1, 180, 1.013177, .795748},
-        {AreaShape::Rectangle, .01f, .02f, 180, 1.013177, .795774}, {AreaShape::Square, .2f, 1, 180, 1.013042, .795668},
-        {AreaShape::Disk, .2f, 1, 180, 1.013076, .795668},      {AreaShape::Rectangle, .2f, .4f, 180, 1.01284, .795486},
-        {AreaShape::Ellipse, .2f, .4f, 180, 1.012924, .795549}, {AreaShape::Square, 1, 1, 180, 1.009812, .793091},
-        {AreaShape::Disk, 1, 1, 180, 1.010651, .793765},        {AreaShape::Rectangle, 1, 2, 180, 1.004815, .789175},
-        {AreaShape::Ellipse, 1, 2, 180, 1.006892, .79081},      {AreaShape::Square, 3, 1, 180, .983701, .772604},
-        {AreaShape::Disk, 3, 1, 180, .990883, .778242},         {AreaShape::Rectangle, 3, 6, 180, .943228, .740784},
-        {AreaShape::Ellipse, 3, 6, 180, .959718, .753744},      {AreaShape::Square, .01f, 1, 90, 4.70295, 3.693761},
-        {AreaShape::Square, .01f, 1, 30, 43.507819, 34.171089}, {AreaShape::Square, 1, 1, 170, 1.15653, .908321},
-        {AreaShape::Square, 1, 1, 120, 2.497311, 1.961353},     {AreaShape::Square, 1, 1, 60, 10.125495, 7.952455},
+        {AreaShape::Square, .01f, 1, 180, 1.013177, .795774},
+        {AreaShape::Disk, .01f, 1, 180, 1.013177, .795748},
+        {AreaShape::Rectangle, .01f, .02f, 180, 1.013177, .795774},
+        {AreaShape::Square, .2f, 1, 180, 1.013042, .795668},
+        {AreaShape::Disk, .2f, 1, 180, 1.013076, .795668},
+        {AreaShape::Rectangle, .2f, .4f, 180, 1.01284, .795486},
+        {AreaShape::Ellipse, .2f, .4f, 180, 1.012924, .795549},
+        {AreaShape::Square, 1, 1, 180, 1.009812, .793091},
+        {AreaShape::Disk, 1, 1, 180, 1.010651, .793765},
+        {AreaShape::Rectangle, 1, 2, 180, 1.004815, .789175},
+        {AreaShape::Ellipse, 1, 2, 180, 1.006892, .79081},
+        {AreaShape::Square, 3, 1, 180, .983701, .772604},
+        {AreaShape::Disk, 3, 1, 180, .990883, .778242},
+        {AreaShape::Rectangle, 3, 6, 180, .943228, .740784},
+        {AreaShape::Ellipse, 3, 6, 180, .959718, .753744},
+        {AreaShape::Square, .01f, 1, 90, 4.70295, 3.693761},
+        {AreaShape::Square, .01f, 1, 30, 43.507819, 34.171089},
+        {AreaShape::Square, 1, 1, 170, 1.15653, .908321},
+        {AreaShape::Square, 1, 1, 120, 2.497311, 1.961353},
+        {AreaShape::Square, 1, 1, 60, 10.125495, 7.952455},
         {AreaShape::Square, 1, 1, 10, 223.1902, 175.331144},
     };
     for (const Case& c : cases) {
@@ -120,9 +130,7 @@ TEST(Irradiance, AreaLampsMatchCycles) {
 }
 
 TEST(Irradiance, SunsMatchCycles) {
-    const auto angle = [](float degrees, bool normalize = true) {
-        return [=](scene::Light& l) { l.sun_angle = degrees * kDegree, l.normalize = normalize; };
-    };
+    const auto angle = [](float degrees, bool normalize = true) { return [=](scene::Light& l) { l.sun_angle = degrees * kDegree, l.normalize = normalize; }; };
     for (int version : {304, 402, 502}) expect_near(plane(version, LightType::Sun, angle(0)), 0.318310, 1e-5, "delta");
     expect_near(plane(502, LightType::Sun, angle(10)), 0.318310, 1e-4, "today");
     expect_near(plane(304, LightType::Sun, angle(10)), 0.317703, 1e-4, "3.4");
@@ -227,7 +235,12 @@ TEST(Irradiance, BouncesLimitALamp) {
     f.build();
     for (int bounce : {0, 1, 2}) {
         double sum = 0;
-        sample_many(f, Stratum::Local, {}, 64, [&](const Samples& s, int n) { for (int i = 0; i < n; ++i) sum += double(s.pdf[i]); }, 1, false, bounce);
+        sample_many(
+            f, Stratum::Local, {}, 64,
+            [&](const Samples& s, int n) {
+                for (int i = 0; i < n; ++i) sum += double(s.pdf[i]);
+            },
+            1, false, bounce);
         EXPECT_EQ(sum > 0, bounce <= 1) << bounce;
         float o[3] = {0, 0, 0}, d[3] = {0, 0, 1}, rgb[3], pdf, t = 1;
         const int32_t lamp = 0, flags = 0, b = bounce;
