@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -276,6 +277,15 @@ def test_a_glowing_square(session: Any) -> None:
     while not session.wait(100):
         pass
     assert not session.read_pass("combined")[:, :3].any()
+
+
+def test_dump(session: Any, tmp_path: Path) -> None:
+    mesh = session.add_mesh("Square", quad())
+    session.set_objects(placed(mesh))
+    session.dump(str(tmp_path / "scene.talbot"))
+    assert (tmp_path / "scene.talbot").stat().st_size > 100
+    with pytest.raises(native.module().Error):
+        session.dump(str(tmp_path / "missing" / "scene.talbot"))
 
 
 def test_sessions_are_independent() -> None:
