@@ -94,7 +94,10 @@ def find_host(which: str | None, stage: Path) -> Host:
         program = shutil.which("blender")
         if program is None:
             raise LauncherError("There is no `blender` in PATH; install it or say --blender PATH or --blender bpy-5.0.")
-        return Host("system", [program], environment=user_environment("system", stage))
+        environment = user_environment("system", stage)
+        # Debian's Blender looks for its Python's home through PATH: another Python in front would take numpy away.
+        environment["PATH"] = os.pathsep.join(["/usr/bin", "/bin", environment.get("PATH", "")])
+        return Host("system", [program], environment=environment)
     if which in MODULES:
         command = [str(module_python(which)), str(ROOT / "packaging" / "bpy_driver.py")]
         return Host(which, command, True, user_environment(which, stage))
