@@ -26,14 +26,21 @@ TALBOT_INLINE TableCell table_cell(float x, int nodes) {
     return {i, at - float(i)};
 }
 
-TALBOT_INLINE float table_2d(const float* table, TableCell a, TableCell b, int nodes) {
-    const float* row = table + a.index * nodes + b.index;
-    return lerp(lerp(row[0], row[1], b.fraction), lerp(row[nodes], row[nodes + 1], b.fraction), a.fraction);
+/// Bilinear; `first` is the table's offset. Plain indices, so that loops over lanes can gather.
+TALBOT_INLINE float table_2d(const float* table, int32_t first, TableCell a, TableCell b, int nodes) {
+    const int32_t i = first + a.index * nodes + b.index, j = i + nodes;
+    return lerp(lerp(table[i], table[i + 1], b.fraction), lerp(table[j], table[j + 1], b.fraction), a.fraction);
+}
+/// Trilinear in a table of kAlbedoCoarse cubed.
+TALBOT_INLINE float table_3d(const float* table, int32_t first, TableCell x, TableCell r, TableCell t) {
+    constexpr int kPlane = kAlbedoCoarse * kAlbedoCoarse;
+    const int32_t plane = first + x.index * kPlane;
+    return lerp(table_2d(table, plane, r, t, kAlbedoCoarse), table_2d(table, plane + kPlane, r, t, kAlbedoCoarse), x.fraction);
 }
 
 /// Albedo of GGX reflection without Fresnel, and its cosine-weighted average.
 TALBOT_INLINE float ggx_albedo(float rough, float cosine) {
-    return table_2d(kGgxAlbedo, table_cell(rough, kAlbedoFine), table_cell(safe_sqrt(cosine), kAlbedoFine), kAlbedoFine);
+    return table_2d(kGgxAlbedo, 0, table_cell(rough, kAlbedoFine), table_cell(safe_sqrt(cosine), kAlbedoFine), kAlbedoFine);
 }
 TALBOT_INLINE float ggx_average(float rough) {
     const TableCell c = table_cell(rough, kAlbedoFine);
@@ -48,8 +55,7 @@ TALBOT_INLINE float index_coordinate(float eta) {
 TALBOT_INLINE float mean_fresnel_position(float rough, float cosine, float eta) {
     const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
                     t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
-    const float* plane = kFresnelPosition + x.index * kAlbedoCoarse * kAlbedoCoarse;
-    return lerp(table_2d(plane, r, t, kAlbedoCoarse), table_2d(plane + kAlbedoCoarse * kAlbedoCoarse, r, t, kAlbedoCoarse), x.fraction);
+    return table_3d(kFresnelPosition, 0, x, r, t);
 }
 
 /// Albedo of rough glass seen from the side of index 1 to eta, and its average.
@@ -57,12 +63,11 @@ TALBOT_INLINE float glass_albedo(float rough, float cosine, float eta) {
     const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
                     t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
     const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse : 0;
-    const float* plane = kGlassAlbedo + side + x.index * kAlbedoCoarse * kAlbedoCoarse;
-    return lerp(table_2d(plane, r, t, kAlbedoCoarse), table_2d(plane + kAlbedoCoarse * kAlbedoCoarse, r, t, kAlbedoCoarse), x.fraction);
+    return table_3d(kGlassAlbedo, side, x, r, t);
 }
 TALBOT_INLINE float glass_average(float rough, float eta) {
     const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse : 0;
-    return table_2d(kGlassAverage + side, table_cell(index_coordinate(eta), kAlbedoCoarse), table_cell(rough, kAlbedoCoarse), kAlbedoCoarse);
+    return table_2d(kGlassAverage, side, table_cell(index_coordinate(eta), kAlbedoCoarse), table_cell(rough, kAlbedoCoarse), kAlbedoCoarse);
 }
 
 /// What several bounces between the facets add: the single-scattering lobe times 1 + Fms (1 - E) / E, Fms = Fss A / (1 - Fss (1 - A))

@@ -19,8 +19,8 @@ struct ClosureMaker {
     Value3 op3(ClosureOp kind, std::initializer_list<Value> in) { return e.triple(op(kind, in, 3)); }
     bool is_zero(Value v) { return e.is(v, 0); }
     Value3 white() { return e.literal3(1, 1, 1); }
-    Value3 color(const char* socket) { return e.max(n.color(socket), 0.0f); }
-    Value3 color01(const char* socket) { return e.saturate(n.color(socket)); }
+    Value3 color(const char* socket) { return e.max(n.color(socket, {1, 1, 1}), 0.0f); }
+    Value3 color01(const char* socket) { return e.saturate(n.color(socket, {1, 1, 1})); }
     Value factor(const char* socket, float fallback = 0) { return e.saturate(n.value(socket, fallback)); }
 
     /// The socket's normal, for diffuse closures: before 4.0 it is bent for reflections like all others.

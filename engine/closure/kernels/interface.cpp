@@ -1,7 +1,7 @@
 /// Rough interfaces: refraction, and glass that reflects and refracts.
 ///
-/// What does not apply is masked by multiplication, not by a select: the compiler would sink a whole branch of arithmetic and its loads into
-/// the arm, and a loop with conditional loads does not vectorise. NaN times 0 is cleaned by the loops of lobe.h.
+/// What does not apply is masked by numbers, 0 or 1: long arms of selects and selects between booleans keep these loops from vectorising. NaN
+/// times 0 is cleaned by the loops of lobe.h.
 #include "closure/kernels/distribution.h"
 #include "closure/kernels/fresnel.h"
 
