@@ -36,7 +36,8 @@ TALBOT_INLINE void read_flag(const int32_t* flags, int32_t bit, Registers r, int
 }
 
 TALBOT_INLINE int32_t object_of(const OpScope& s, int lane) {
-    const int32_t object = s.span.object && s.context.scene ? s.span.object[lane] : -1;
+    const bool on_object = s.span.object && s.context.scene && !s.span.is_background && !s.span.is_lamp;
+    const int32_t object = on_object ? s.span.object[lane] : -1;
     return s.context.scene && object < s.context.scene->object_count ? object : -1;
 }
 

@@ -11,12 +11,10 @@
 #include "support/graph_builder.h"
 
 namespace talbot {
-// The kernels of every instruction set that was compiled in; the lowest one's are in the header.
+// The kernels of every instruction set that was compiled in. The lowest one's namespace is inline (see the header), the others' are not here.
 #define TALBOT_DECLARE(isa)                                                                                                                      \
-    namespace shader {                                                                                                                           \
-    inline namespace isa {                                                                                                                       \
+    namespace shader::isa {                                                                                                                      \
     void run_program(const Program& program, const Programs& programs, const ShadingSpan& span, const ShaderContext& context, float* registers); \
-    }                                                                                                                                            \
     }
 #ifdef TALBOT_HAS_v2
 TALBOT_DECLARE(v2)
@@ -182,12 +180,13 @@ std::vector<GraphBuilder> varying_graphs() {
             });
         }
         add([&](GraphBuilder& g) {
-            NodeBuilder n = g.node("ShaderNodeTexWhiteNoise").link("Vector", V, scaled(g)).text("noise_dimensions", d);
-            return g.out(n.link("W", F, scaled(g)).id(), "Color", C);
+            // Of unscaled coordinates: it would turn a last digit into another number.
+            NodeBuilder n = g.node("ShaderNodeTexWhiteNoise").link("Vector", V, g.position()).text("noise_dimensions", d);
+            return g.out(n.link("W", F, g.position()).id(), "Color", C);
         });
     }
     for (const char* type : {"ShaderNodeTexWave", "ShaderNodeTexMagic", "ShaderNodeTexBrick", "ShaderNodeTexChecker", "ShaderNodeTexGradient"})
-        add([&](GraphBuilder& g) { return g.out(g.node(type).link("Vector", V, scaled(g)).set("Distortion", 0.7f).id(), "Color", C); });
+        add([&](GraphBuilder& g) { return g.out(g.node(type).link("Vector", V, scaled(g)).set("Scale", 0.3f).set("Distortion", 0.7f).id(), "Color", C); });
     for (const char* op : {"POWER", "LOGARITHM", "SINE", "ARCTAN2", "WRAP", "PINGPONG", "SMOOTH_MIN", "TANH", "MODULO"}) {
         add([&](GraphBuilder& g) {
             return g.out(g.node("ShaderNodeMath").text("operation", op).link("Value", F, scaled(g)).set("Value_001", 1.7f).set("Value_002", 0.4f).id(), "Value",
