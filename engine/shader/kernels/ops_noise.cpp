@@ -27,7 +27,7 @@ TALBOT_INLINE float gradient(uint32_t hash, float x, float y) {
 TALBOT_INLINE float gradient(uint32_t hash, float x, float y, float z) {
     const uint32_t h = hash & 15u;
     const float u = h < 8u ? x : y;
-    const float other = (h == 12u) | (h == 14u) ? x : z;
+    const float other = ((h == 12u) | (h == 14u)) ? x : z;
     const float v = h < 4u ? y : other;
     return negate_if(u, h & 1u) + negate_if(v, (h >> 1) & 1u);
 }
