@@ -116,7 +116,7 @@ def stage() -> Path:
 
 def prepare() -> Path:
     """Builds what Blender needs and returns the staged scripts folder."""
-    targets = {"_talbot": "engine/python", "talbot-cli": "engine/cli"}
-    build([name for name, folder in targets.items() if list((ROOT / folder).glob("*.cpp"))] or ["talbot_engine"])
+    # The standalone program is not needed to start Blender: `./talbot test` builds it.
+    build(["_talbot"])
     with locked(BUILD):
         return stage()

@@ -35,8 +35,7 @@ def test_versions_agree() -> None:
     version = re.search(r"project\(talbot VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text())
     assert version is not None
     manifest = ROOT / "addon" / "blender_manifest.toml"
-    if manifest.exists():
-        assert f'\nversion = "{version[1]}"' in manifest.read_text()
+    assert f'\nversion = "{version[1]}"' in manifest.read_text()
     assert f"## {version[1]}" in (ROOT / "CHANGELOG.md").read_text()
 
 
