@@ -1,5 +1,6 @@
 """A final render: one view layer of one frame, from Blender's scene to Blender's render result."""
 
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -167,6 +168,9 @@ class LayerRender:
     def _render_view(self, session: Any, view: str, number: int) -> bool:
         """Renders one view to its end. False when the user cancelled; what there is has been written."""
         engine = self.engine
+        dump = os.environ.get("TALBOT_DUMP", "")  # `./talbot render --dump`: the first view of the first layer
+        if dump and number == 0 and len(self.state.layers) == 1:
+            session.dump(dump)
         session.start()
         seen = 0
         next_picture = time.perf_counter() + 0.5

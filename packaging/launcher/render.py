@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int)
     parser.add_argument("--threads", type=positive)
     parser.add_argument("--scripts", action="store_true", help="let scripts inside the .blend file run")
+    parser.add_argument("--dump", metavar="FILE", help="also write the scene as Talbot sees it, for talbot-cli")
     parser.add_argument("--blender", metavar="WHICH", help="path to a Blender, or bpy-4.2, bpy-4.5, bpy-5.0")
 
 
@@ -103,6 +104,8 @@ def run(arguments: argparse.Namespace) -> int:
         blender += ["-t", str(arguments.threads)]
     blender += ["--python-exit-code", "1", *open_arguments(path)]
     blender += ["--python", str(ROOT / "packaging" / "render_job.py"), "--", json.dumps(job)]
+    if arguments.dump:
+        host.environment["TALBOT_DUMP"] = str(Path(arguments.dump).absolute())
     started = time.monotonic()
     process = subprocess.Popen(
         hosts.with_addon(host, blender),
@@ -136,5 +139,7 @@ def run(arguments: argparse.Namespace) -> int:
         return code if code > 0 else 1
     seconds = time.monotonic() - started
     print(f"Saved: {result['path']}")
+    if arguments.dump:
+        print(f"Scene: {Path(arguments.dump).absolute()}")
     print(f"Time: {result['seconds']:.2f} s for the picture, {seconds:.2f} s with Blender's start and end")
     return 0
