@@ -94,6 +94,16 @@ def test_the_users_configuration_is_left_alone(tmp_path: Path) -> None:
     assert len(config) == 2 and all(value.startswith(str(native.BUILD)) for value in config)
 
 
+@pytest.mark.skipif(not Path("/usr/bin/blender").exists(), reason="no Blender of the distribution")
+def test_a_virtual_environment_in_front_does_not_hide_the_systems_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "python3").symlink_to("/bin/true")
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    path = hosts.find_host(None, tmp_path).environment["PATH"].split(":")
+    assert path.index("/usr/bin") < path.index(str(tmp_path))
+
+
 def write_report(path: Path, cases: str) -> Path:
     path.write_text(f'<?xml version="1.0"?><testsuites><testsuite>{cases}</testsuite></testsuites>')
     return path
