@@ -1,4 +1,5 @@
-// Made by make_albedo_tables.py: change that, not this. clang-format off
+// Made by make_albedo_tables.py: change that, not this.
+// clang-format off
 #include "closure/albedo.h"
 
 namespace talbot {

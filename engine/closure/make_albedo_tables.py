@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes albedo_tables.cpp: directional albedos of GGX lobes by deterministic integration (see albedo.h for what and how indexed).
+"""Writes albedo_tables.cpp: directional albedos of GGX lobes by deterministic integration; albedo.h says of what.
 
 Run by hand when the tables' definition changes: python3 make_albedo_tables.py > albedo_tables.cpp
 """
@@ -28,7 +28,10 @@ def visible_normals(alpha: float, mu: float) -> tuple[np.ndarray, np.ndarray]:
     ws /= np.linalg.norm(ws)
     z = (1.0 - v) * (1.0 + ws[2]) - ws[2]
     r = np.sqrt(np.maximum(0.0, 1.0 - z * z))
-    h = np.stack([alpha * (r * np.cos(2 * np.pi * u) + ws[0]), alpha * r * np.sin(2 * np.pi * u), np.maximum(z + ws[2], 1e-12)], 1)
+    h = np.stack(
+        [alpha * (r * np.cos(2 * np.pi * u) + ws[0]), alpha * r * np.sin(2 * np.pi * u), np.maximum(z + ws[2], 1e-12)],
+        1,
+    )
     return h / np.linalg.norm(h, axis=1, keepdims=True), wo
 
 
@@ -90,7 +93,9 @@ def write(name: str, values: np.ndarray) -> None:
 
 
 def main() -> None:
-    reflection = np.array([[directional(r, t * t, [])[0] for t in np.linspace(0, 1, FINE)] for r in np.linspace(0, 1, FINE)])
+    reflection = np.array(
+        [[directional(r, t * t, [])[0] for t in np.linspace(0, 1, FINE)] for r in np.linspace(0, 1, FINE)]
+    )
     axis = np.linspace(0, 1, COARSE)
     etas = [eta_of(x) for x in axis]
     shape = (COARSE, COARSE, COARSE)
@@ -99,7 +104,7 @@ def main() -> None:
         for j, t in enumerate(axis):
             _, p, g = directional(r, t * t, etas + [1.0 / e for e in etas])
             position[:, i, j], outside[:, i, j], inside[:, i, j] = p[:COARSE], g[:COARSE], g[COARSE:]
-    print("// Made by make_albedo_tables.py: change that, not this. clang-format off")
+    print("// Made by make_albedo_tables.py: change that, not this.\n// clang-format off")
     print('#include "closure/albedo.h"\n\nnamespace talbot {\n')
     write("kGgxAlbedo", reflection)
     write("kGgxAverage", average(reflection))
