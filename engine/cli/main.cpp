@@ -14,8 +14,9 @@ namespace {
 using namespace talbot;
 
 constexpr const char* kUsage =
-    "usage: talbot-cli FILE [-o OUT.exr|.png|.pfm] [--samples N] [--threads N] [--seed N] [--isa v2|v3|v4] [--size WxH] [--stats] [--quiet]\n"
-    "Renders a scene dumped by Talbot. Without -o the picture goes to FILE with the ending .exr.\n";
+    "usage: talbot-cli FILE [-o OUT.exr|.png|.pfm] [--samples N] [--threads N] [--seed N] [--isa v2|v3|v4] [--size WxH] [--stats] [--quiet] [--limit]\n"
+    "Renders a scene dumped by Talbot. Without -o the picture goes to FILE with the ending .exr.\n"
+    "--limit renders nothing: it prints which share of bare ray tracing the renderer reaches, and its stages.\n";
 
 volatile std::sig_atomic_t interrupted = 0;
 
@@ -23,7 +24,7 @@ struct Options {
     std::string file, output, isa;
     int samples = 0, threads = 0, width = 0, height = 0;
     long seed = -1;
-    bool stats = false, quiet = false;
+    bool stats = false, quiet = false, limit = false;
 };
 
 bool parse_number(const std::string& text, int low, int& out) {
@@ -40,6 +41,10 @@ std::string parse(const std::vector<std::string>& arguments, Options& options) {
         const std::string& name = arguments[i];
         if (name == "--stats") {
             options.stats = true;
+            continue;
+        }
+        if (name == "--limit") {
+            options.limit = true;
             continue;
         }
         if (name == "--quiet") {
@@ -106,18 +111,30 @@ void print_statistics(const Session& session) {
                 double(s.film_bytes) * 1e-6, double(session.progress().memory_peak) * 1e-6);
 }
 
+scene::Scene load(const Options& options) {
+    scene::Scene scene = load_scene(options.file);
+    scene.settings.viewport = false;
+    if (options.samples) scene.settings.samples = options.samples;
+    if (options.threads) scene.settings.threads = options.threads;
+    if (options.seed >= 0) scene.settings.seed = uint32_t(options.seed);
+    if (!options.isa.empty()) scene.settings.instruction_set = options.isa;
+    if (options.width) resize(scene, options.width, options.height);
+    return scene;
+}
+
+int print_limit(const Options& options) {
+    const TracingLimit limit = measure_tracing_limit(load(options), options.samples ? options.samples : 4);
+    std::printf("share of bare tracing  %.1f %% (%.3f s of %.3f s, %.2f M rays)\n", 100 * limit.trace_seconds / limit.render_seconds, limit.trace_seconds,
+                limit.render_seconds, double(limit.rays) * 1e-6);
+    std::printf("nanoseconds a vertex  ");
+    for (const auto& [stage, ns] : limit.stage_ns) std::printf(" %s %.1f", stage.c_str(), ns);
+    std::printf("\n");
+    return 0;
+}
+
 int run(const Options& options) {
     Session session;
-    {
-        scene::Scene& scene = session.edit();
-        scene = load_scene(options.file);
-        scene.settings.viewport = false;
-        if (options.samples) scene.settings.samples = options.samples;
-        if (options.threads) scene.settings.threads = options.threads;
-        if (options.seed >= 0) scene.settings.seed = uint32_t(options.seed);
-        if (!options.isa.empty()) scene.settings.instruction_set = options.isa;
-        if (options.width) resize(scene, options.width, options.height);
-    }
+    session.edit() = load(options);
     session.start();
     bool cancelling = false;
     while (!session.wait(250)) {
@@ -172,7 +189,7 @@ int main(int argc, char** argv) {
     }
     std::signal(SIGINT, [](int) { interrupted = 1; });
     try {
-        return run(options);
+        return options.limit ? print_limit(options) : run(options);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "talbot-cli: %s\n", error.what());
         return 1;

@@ -15,6 +15,13 @@
 
 namespace talbot::integrator {
 
+/// Sees every call of the tracer before it is made, in order; for measuring what tracing alone would cost.
+struct RayRecorder {
+    void (*record)(void* user, const geometry::RayColumns& rays, const int32_t* lanes, int n, const int32_t* visibility, bool shadow,
+                   const geometry::TraceOptions& options) = nullptr;
+    void* user = nullptr;
+};
+
 /// Everything a render reads; nothing in it changes while workers run.
 struct RenderContext {
     const scene::SceneView* scene = nullptr;
@@ -34,6 +41,8 @@ struct RenderContext {
     bool has_transparent_shadows = false;
     geometry::TraceOptions camera_trace{16, true}, bounce_trace{8, false}, shadow_trace{8, false};
     const std::atomic<bool>* cancel = nullptr;
+    const RayRecorder* recorder = nullptr;  ///< null: nothing is recorded
+    bool time_stages = false;               ///< fill Counters::stage_ns
 };
 
 /// Object mask bits beyond scene::Visibility, set after compiling: which shadow casters may let light through.

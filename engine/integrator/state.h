@@ -104,8 +104,13 @@ struct SpanScratch {
 };
 inline constexpr int kCompactColumns = 64;
 
+/// Parts of the loop that are timed apart (RenderContext::time_stages). Surface is the node program, shading points and emission.
+enum class Stage : uint8_t { Generate, Intersect, Background, Sort, Surface, Light, Scatter, Shadow, Count };
+inline constexpr int kStageCount = int(Stage::Count);
+
 struct Counters {
     uint64_t camera_rays = 0, bounce_rays = 0, shadow_rays = 0, paths = 0, vertices = 0;
+    uint64_t stage_ns[kStageCount] = {};
 };
 
 /// A worker: memory for one batch and its scratch. Built on the host, used by one thread.

@@ -16,28 +16,6 @@ int tile_side(int width, int height) {
     return side;
 }
 
-integrator::RenderContext make_context(Session::State& s, const film::FilmLayout& layout) {
-    RenderData& data = s.data;
-    integrator::RenderContext context;
-    context.scene = &data.tables.view;
-    context.settings = &s.scene.settings;
-    context.camera = &s.scene.camera;
-    context.programs = &data.programs;
-    context.shading = &data.shading;
-    context.accelerator = &data.accelerator;
-    context.emitters = data.emitters.get();
-    context.emitter_summary = light::summarize(*data.emitters);
-    context.layout = &layout;
-    context.filter_table = data.filter_table.data();
-    context.shader_order = data.shader_order.data();
-    context.rank_shader = data.rank_shader.data();
-    context.shader_count = int(data.rank_shader.size());
-    context.uv_attribute = data.tables.attribute_id(scene::kActiveUv);
-    context.has_transparent_shadows = data.has_transparent_shadows;
-    context.cancel = &s.cancel;
-    return context;
-}
-
 /// One chunk of samples over all tiles of `film`; throws Cancelled.
 void render_chunk(Session::State& s, const integrator::KernelTable& kernels, const integrator::RenderContext& context, film::Film& film, int begin, int end,
                   int pixel_size) {
@@ -96,6 +74,28 @@ void add_counters(Session::State& s) {
 }
 
 }  // namespace
+
+integrator::RenderContext make_context(Session::State& s, const film::FilmLayout& layout) {
+    RenderData& data = s.data;
+    integrator::RenderContext context;
+    context.scene = &data.tables.view;
+    context.settings = &s.scene.settings;
+    context.camera = &s.scene.camera;
+    context.programs = &data.programs;
+    context.shading = &data.shading;
+    context.accelerator = &data.accelerator;
+    context.emitters = data.emitters.get();
+    context.emitter_summary = light::summarize(*data.emitters);
+    context.layout = &layout;
+    context.filter_table = data.filter_table.data();
+    context.shader_order = data.shader_order.data();
+    context.rank_shader = data.rank_shader.data();
+    context.shader_count = int(data.rank_shader.size());
+    context.uv_attribute = data.tables.attribute_id(scene::kActiveUv);
+    context.has_transparent_shadows = data.has_transparent_shadows;
+    context.cancel = &s.cancel;
+    return context;
+}
 
 void render_samples(Session::State& s) {
     const scene::Settings& settings = s.scene.settings;

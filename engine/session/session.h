@@ -67,6 +67,16 @@ private:
     std::unique_ptr<State> state_;
 };
 
+/// How near a render comes to what tracing its rays alone would cost: one thread, the same rays in the same order and BVH.
+struct TracingLimit {
+    double render_seconds = 0;
+    double trace_seconds = 0;  ///< the fastest of 1, 8 and 16 lanes wide, chosen apart for camera, bounce and shadow rays
+    uint64_t rays = 0, vertices = 0;
+    std::vector<std::pair<std::string, double>> stage_ns;  ///< nanoseconds a path vertex
+};
+/// Renders `samples` samples twice (once recording), then replays the rays. Throws Error.
+TracingLimit measure_tracing_limit(const scene::Scene& scene, int samples);
+
 /// Writes and reads a whole scene (versioned binary; images and packed files included), for talbot-cli. Throws Error.
 void dump_scene(const scene::Scene& scene, const std::string& path);
 scene::Scene load_scene(const std::string& path);

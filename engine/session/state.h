@@ -62,6 +62,9 @@ struct Session::State {
 /// Brings `data` up to date with the scene. Throws Error, Cancelled, std::bad_alloc.
 void update_render_data(Session::State& s);
 
+/// What kernels read, for a film of this layout. Valid until the scene is edited.
+integrator::RenderContext make_context(Session::State& s, const film::FilmLayout& layout);
+
 /// Renders until all samples are done, the time is up, or cancelled (throws Cancelled).
 void render_samples(Session::State& s);
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import sys
 import time
@@ -58,6 +59,15 @@ def pixels(path: Path) -> np.ndarray:
     return values.reshape(-1, 4)
 
 
+def rays_a_second(scene: bpy.types.Scene) -> dict[str, float]:
+    """From the summary line that Talbot leaves for its panel."""
+    from talbot import reports
+
+    text = " ".join(str(line) for line in reports.of_scene(scene.name).lines)
+    found = re.search(r"([\d.]+) million rays a second", text)
+    return {"mrays": float(found.group(1))} if found else {}
+
+
 def measure(job: dict[str, Any]) -> dict[str, Any]:
     scene = bpy.context.scene
     prepare(scene, job)
@@ -83,9 +93,8 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
         "size": [scene.render.resolution_x, scene.render.resolution_y],
         "blender": bpy.app.version_string,
     }
-    statistics = scene.get("talbot_statistics")
-    if job["engine"] == "TALBOT" and statistics:
-        answer["rays"] = sum(statistics[k] for k in ("camera_rays", "bounce_rays", "shadow_rays"))
+    if job["engine"] == "TALBOT":
+        answer |= rays_a_second(scene)
     return answer
 
 

@@ -1,6 +1,7 @@
 """`./talbot bench`: time, noise and memory of Talbot beside Cycles, in the same Blender on the same scenes.
 
     ./talbot bench [SCENE ...] [--blender WHICH] [--seeds N] [--seconds S] [--size W] [--json FILE] [--against FILE]
+    ./talbot bench limit [SCENE ...] [--blender WHICH]       (limit.py)
 
 SCENE is a .blend file, a script that builds a scene (script.py:argument), or a folder of .blend files; without one, the
 scenes of this project. Each engine renders about `--seconds` a picture, once for each seed, without clamping,
@@ -22,6 +23,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import limit
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,7 +90,7 @@ def describe(scene: str) -> str:
 def row(name: str, engine: str, r: dict[str, Any], gain: str) -> str:
     if "error" in r:
         return f"{name:28.28} {engine:7} failed: {r['error']}"
-    rays = f"{r['rays'] / r['render'] / 1e6:6.2f}" if r.get("rays") and r["render"] > 0 else "      "
+    rays = f"{r['mrays']:6.2f}" if "mrays" in r else "      "
     return (
         f"{name:28.28} {engine:7} {r['load']:7.2f} {r['render']:7.2f} {r['samples']:7d} {rays} "
         f"{r['variance'] * r['samples']:9.4f} {r['mean']:9.5f} {r['memory'] / 1e6:7.0f} {gain:>6}"
@@ -96,6 +98,9 @@ def row(name: str, engine: str, r: dict[str, Any], gain: str) -> str:
 
 
 def main() -> int:
+    if sys.argv[1:2] == ["limit"]:
+        del sys.argv[1]
+        return limit.main()
     parser = argparse.ArgumentParser(prog="talbot bench", description="Measure Talbot beside Cycles.")
     parser.add_argument("scenes", nargs="*", help=".blend files, scene scripts or folders")
     parser.add_argument("--blender", default="", help="which Blender, as in ./talbot blender")

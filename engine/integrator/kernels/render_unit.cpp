@@ -51,11 +51,14 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
     int active = 0;
     for (;;) {
         if (context.cancel && context.cancel->load(std::memory_order_relaxed)) return false;
+        StageClock clock(context, worker.counters);
         const int fresh = generate_paths(context, unit, cursor, worker, tile);
         if (active + fresh == 0) return true;
+        clock.lap(Stage::Generate);
 
         intersect_paths(context, worker, worker.fresh, fresh, context.camera_trace);
         intersect_paths(context, worker, worker.active, active, context.bounce_trace);
+        clock.lap(Stage::Intersect);
         worker.counters.camera_rays += uint64_t(fresh);
         worker.counters.bounce_rays += uint64_t(active);
         if (context.emitter_summary.has_visible_lamps) {
@@ -69,8 +72,10 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
         shade_background(context, worker, worker.missed, missed_count, tile);
         for (int i = 0; i < missed_count; ++i) worker.free_lanes[worker.free_count++] = worker.missed[i];
 
+        clock.lap(Stage::Background);
         geometry::hit_shaders(*context.scene, worker.paths.hit, worker.hits, hit_count, worker.shader);
         sort_by_program(context, worker, hit_count);
+        clock.lap(Stage::Sort);
         worker.counters.vertices += uint64_t(hit_count);
 
         active = 0;
@@ -88,7 +93,9 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
             }
             begin = end;
         }
+        clock.skip();
         trace_shadow(context, worker, tile);
+        clock.lap(Stage::Shadow);
     }
 }
 

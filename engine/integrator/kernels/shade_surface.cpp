@@ -186,6 +186,7 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
 
 int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors) {
     SpanScratch& s = worker.scratch;
+    StageClock clock(context, worker.counters);
     gather_span(context, worker, lanes, n);
     const shader::CompiledShader& compiled = context.programs->shaders[size_t(s.itmp[0])];
     geometry::shade_points(*context.scene, worker.paths.hit, lanes, n, s.span, s.error);
@@ -224,8 +225,10 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
             s.roulette_u[i] = r.x;
             s.roulette_v[i] = r.y;
         }
+        clock.lap(Stage::Surface);
         if (context.emitter_summary.has_local) sample_light(context, worker, program, geometry, light::Stratum::Local);
         if (context.emitter_summary.has_distant) sample_light(context, worker, program, geometry, light::Stratum::Distant);
+        clock.lap(Stage::Light);
         alive = scatter_paths(context, worker, program, geometry, survivors);
     }
     // Lanes that did not survive are free: survivors keep the span's order, so one walk finds the others.
@@ -236,6 +239,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
         else
             worker.free_lanes[worker.free_count++] = lanes[i];
     }
+    clock.lap(Stage::Scatter);
     return alive;
 }
 

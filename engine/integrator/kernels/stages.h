@@ -1,6 +1,8 @@
 /// The stages, in the order of the loop. Each works on lists of lanes and leaves the path columns ready for the next.
 #pragma once
 
+#include <ctime>
+
 #include "geometry/surface.h"
 #include "integrator/kernels.h"
 
@@ -34,6 +36,33 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
 
 /// Shadow rays of this turn: what is not blocked reaches the film.
 void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& tile);
+
+/// Adds the time since the last call to a stage, when stages are timed.
+class StageClock {
+public:
+    TALBOT_MEMBER StageClock(const RenderContext& context, Counters& counters) : counters_(context.time_stages ? &counters : nullptr), last_(0) {
+        if (counters_) last_ = now();
+    }
+    TALBOT_MEMBER void lap(Stage stage) {
+        if (!counters_) return;
+        const uint64_t t = now();
+        counters_->stage_ns[int(stage)] += t - last_;
+        last_ = t;
+    }
+    /// Forgets the time since the last call: somebody else has counted it.
+    TALBOT_MEMBER void skip() {
+        if (counters_) last_ = now();
+    }
+
+private:
+    TALBOT_MEMBER static uint64_t now() {
+        timespec t;
+        clock_gettime(CLOCK_MONOTONIC, &t);
+        return uint64_t(t.tv_sec) * 1000000000u + uint64_t(t.tv_nsec);
+    }
+    Counters* counters_;
+    uint64_t last_;
+};
 
 /// The slot's columns over the span's registers.
 TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* registers) {

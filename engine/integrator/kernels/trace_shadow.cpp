@@ -149,6 +149,7 @@ void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& 
         n += queue.t_max[k] > 0.0f;
     }
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max};
+    if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, context.shadow_trace);
     geometry::occluded(*context.accelerator, rays, queue.list, n, queue.visibility, queue.blocked, context.shadow_trace);
     worker.counters.shadow_rays += uint64_t(n);
     if (context.has_transparent_shadows) trace_transparent(context, worker);
