@@ -57,7 +57,7 @@ TALBOT_INLINE bool is_present(Rgb w) {
 }
 /// NaN, infinity and negative numbers from absurd parameters become 0.
 TALBOT_INLINE float clean(float x) {
-    return (x >= 0.0f) & (x <= 1e30f) ? x : 0.0f;
+    return ((x >= 0.0f) & (x <= 1e30f)) ? x : 0.0f;
 }
 
 /// Frame around n whose x axis is the tangent made perpendicular; an unusable tangent falls back to any.
