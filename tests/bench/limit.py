@@ -1,4 +1,4 @@
-"""`./talbot bench limit [SCENE ...]`: the share of bare ray tracing that the path tracer reaches, and the rest by stages.
+"""`./talbot bench limit [SCENE ...]`: the share of bare ray tracing that the path tracer reaches; the rest by stages.
 
 Each scene is dumped from Blender and rendered by talbot-cli on one thread; its rays are recorded and traced again by
 themselves (the fastest of 1, 8 and 16 lanes wide; same rays, order and BVH). Printed beside: nanoseconds a path vertex

@@ -57,7 +57,7 @@ public:
 private:
     TALBOT_MEMBER static uint64_t now() {
         timespec t;
-        clock_gettime(CLOCK_MONOTONIC, &t);
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
         return uint64_t(t.tv_sec) * 1000000000u + uint64_t(t.tv_nsec);
     }
     Counters* counters_;
