@@ -368,27 +368,6 @@ def test_hidden_and_unsupported(empty_scene: Any) -> None:
     ]
 
 
-def test_what_is_missing_is_said(empty_scene: Any) -> None:
-    scene = bpy.context.scene
-    add_mesh("Plain", SQUARE, [(0, 1, 2, 3)])
-    _, _, result = synchronise()
-    assert result.warnings == []
-    scene.render.use_motion_blur = True
-    scene.cycles.use_fast_gi = True
-    obj = add_mesh("Linked", SQUARE, [(0, 1, 2, 3)])
-    expected = {
-        "Scene 'Scene': motion blur is not supported yet",
-        "Scene 'Scene': fast global illumination is ignored; the full one is rendered",
-    }
-    if hasattr(obj, "light_linking"):
-        obj.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
-        expected.add("Object 'Linked': light linking is not supported yet; its light reaches everything")
-    _, _, result = synchronise()
-    assert set(result.warnings) == expected
-    _, _, result = synchronise(viewport=True)
-    assert "Scene 'Scene': motion blur is not supported yet" not in result.warnings, "viewports show none"
-
-
 def test_material_override_and_custom_properties(empty_scene: Any) -> None:
     obj = add_mesh("Props", SQUARE, [(0, 1, 2, 3)])
     obj["wear"] = 0.75

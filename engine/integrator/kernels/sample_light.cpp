@@ -34,13 +34,7 @@ void eval_closures(const RenderContext& context, Worker& worker, const shader::P
             f.z[i] += slot_f.z[i] * lit;
             s.pdf[i] += s.slot_pdf[i] * weight[i];
         }
-        if (!shares) continue;
-        const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
-        if (slot.lobe == LobeKind::Transmission) continue;
-        for (int i = 0; i < n; ++i) {
-            const float lit = (s.light.visibility[i] & needed) ? 1.0f : 0.0f;
-            store(part, i, load(part, i) + load(slot_f, i) * lit);
-        }
+        if (shares) add_shares(s, slot, geometry);
     }
     for (int i = 0; i < n; ++i) s.pdf[i] = s.weight_sum[i] > 0.0f ? s.pdf[i] / s.weight_sum[i] : 0.0f;
 }

@@ -96,9 +96,7 @@ void eval_mixture(SpanScratch& s, const shader::Program& program, const ClosureG
             sum.z[i] += slot_f.z[i];
             s.tmp[i] += s.slot_pdf[i] * weight[i];
         }
-        if (!shares || slot.lobe == LobeKind::Transmission) continue;
-        const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
-        for (int i = 0; i < n; ++i) store(part, i, load(part, i) + load(slot_f, i));
+        if (shares) add_shares(s, slot, geometry);
     }
     const Columns3 f = s.f;
     TALBOT_VECTOR_LOOP
@@ -180,9 +178,10 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
     if (slots > 1 && scattering > 0) {
         eval_mixture(s, program, geometry, shares);
     } else if (shares) {
-        const Vec3 diffuse = vec3(program.slots[0].lobe == LobeKind::Diffuse ? 1.0f : 0.0f),
-                   glossy = vec3(program.slots[0].lobe == LobeKind::Glossy ? 1.0f : 0.0f);
-        for (int i = 0; i < n; ++i) store(s.f_diffuse, i, diffuse), store(s.f_glossy, i, glossy);
+        // One slot: all of it is one kind, by the side it went to.
+        for (Columns3 c : {s.f_diffuse, s.f_glossy}) fill(c.x, n, 0.0f), fill(c.y, n, 0.0f), fill(c.z, n, 0.0f);
+        for (Columns3 c : {s.slot_f}) fill(c.x, n, 1.0f), fill(c.y, n, 1.0f), fill(c.z, n, 1.0f);
+        add_shares(s, program.slots[0], geometry);
     }
     geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
 
@@ -225,8 +224,8 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
             if (shares && total_bounces(s.bounces[i]) == 0) {
                 Vec3 d = load(s.f_diffuse, i), g = load(s.f_glossy, i);
                 if (delta) {
-                    d = vec3(lobe == LobeKind::Diffuse ? 1.0f : 0.0f);
-                    g = vec3(lobe == LobeKind::Glossy ? 1.0f : 0.0f);
+                    d = vec3(!transmitted && lobe == LobeKind::Diffuse ? 1.0f : 0.0f);
+                    g = vec3(!transmitted && lobe != LobeKind::Diffuse ? 1.0f : 0.0f);
                 }
                 store(paths.diffuse_share, lane, d);
                 store(paths.glossy_share, lane, g);

@@ -74,6 +74,16 @@ TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* 
     return c;
 }
 
+/// Adds s.slot_f towards s.wi to the diffuse or glossy part (s.f_diffuse, s.f_glossy): what stays on the viewer's side is one of the two, what
+/// crosses is transmission.
+TALBOT_INLINE void add_shares(SpanScratch& s, const ClosureSlot& slot, const ClosureGeometry& geometry) {
+    const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
+    for (int i = 0; i < s.span.n; ++i) {
+        const float same_side = dot(load(s.wi, i), load(geometry.ng, i)) > 0.0f ? 1.0f : 0.0f;
+        store(part, i, load(part, i) + load(s.slot_f, i) * same_side);
+    }
+}
+
 /// scene::Visibility bit of the kind of ray, from its flags: transmission wins, then camera, diffuse, glossy.
 TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
     const int32_t transmission = flags & shader::kRayTransmission;

@@ -1,0 +1,38 @@
+"""What cannot be sent yet is said by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from sync_recorder import synchronise
+
+
+def add_square(name: str) -> Any:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    mesh.update()
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def test_what_is_missing_is_said(empty_scene: Any) -> None:
+    scene = bpy.context.scene
+    add_square("Plain")
+    _, _, result = synchronise()
+    assert result.warnings == []
+    scene.render.use_motion_blur = True
+    scene.cycles.use_fast_gi = True
+    obj = add_square("Linked")
+    expected = {
+        "Scene 'Scene': motion blur is not supported yet",
+        "Scene 'Scene': fast global illumination is ignored; the full one is rendered",
+    }
+    if hasattr(obj, "light_linking"):
+        obj.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
+        expected.add("Object 'Linked': light linking is not supported yet; its light reaches everything")
+    _, _, result = synchronise()
+    assert set(result.warnings) == expected
+    _, _, result = synchronise(viewport=True)
+    assert "Scene 'Scene': motion blur is not supported yet" not in result.warnings, "viewports show none"
