@@ -29,9 +29,10 @@ void eval_closures(const RenderContext& context, Worker& worker, const shader::P
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             const float lit = (s.light.visibility[i] & needed) ? 1.0f : 0.0f;
-            f.x[i] += slot_f.x[i] * lit;
-            f.y[i] += slot_f.y[i] * lit;
-            f.z[i] += slot_f.z[i] * lit;
+            slot_f.x[i] *= lit, slot_f.y[i] *= lit, slot_f.z[i] *= lit;
+            f.x[i] += slot_f.x[i];
+            f.y[i] += slot_f.y[i];
+            f.z[i] += slot_f.z[i];
             s.pdf[i] += s.slot_pdf[i] * weight[i];
         }
         if (shares) add_shares(s, slot, geometry);
