@@ -205,13 +205,14 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         float keep = 1.0f;
         if (transparent) {
             if (crossed >= transparent_limit) continue;
-            if (crossed + 1 > settings.min_transparent_bounces) keep = minf(1.0f, std::sqrt(strongest));
+            if (crossed > settings.min_transparent_bounces) keep = minf(1.0f, std::sqrt(strongest));
         } else {
             const bool transmitted = (sampled & kSampledTransmit) != 0;
             const bool delta = (sampled & kSampledDelta) != 0;
             const LobeKind lobe = program.slots[size_t(s.chosen[i])].lobe;
             const int32_t bounces = count_bounce(s.bounces[i], lobe, transmitted);
-            if (total_bounces(bounces) > settings.min_light_bounces) keep = minf(1.0f, std::sqrt(strongest));
+            // The first scattered ray always lives: it may bring the sky, which nothing else samples.
+            if (total_bounces(bounces) > settings.min_light_bounces + 1) keep = minf(1.0f, std::sqrt(strongest));
             const bool at_limit = total_bounces(bounces) > settings.max_bounces || diffuse_bounces(bounces) > settings.diffuse_bounces ||
                                   glossy_bounces(bounces) > settings.glossy_bounces || transmission_bounces(bounces) > settings.transmission_bounces;
             const bool through_glass = settings.film_transparent_glass && transmitted && s.sampled_roughness[i] <= settings.film_transparent_roughness;
