@@ -1,5 +1,4 @@
-/// One lane's microfacet distribution: GGX or Beckmann with its widths. Beckmann is sampled by the visible normals of the GGX of
-/// equal width, whose tails are longer: the weight stays below two.
+/// One lane's microfacet distribution: GGX or Beckmann with its widths, both sampled by their visible normals.
 #pragma once
 
 #include "closure/kernels/lobe.h"
@@ -26,12 +25,17 @@ struct Distribution {
     TALBOT_MEMBER float lambda(Vec3 w) const { return beckmann ? beckmann_lambda(ax, ay, w) : ggx_lambda(ax, ay, w); }
     TALBOT_MEMBER float g2(float lo, float li) const { return 1.0f / (1.0f + lo + li + separable * lo * li); }
     /// Density of sampled normals over |w.h| / w.z: D G1 of the distribution that is sampled.
-    TALBOT_MEMBER float sampled(Vec3 h, Vec3 wo) const { return ggx_d(ax, ay, h) / (1.0f + ggx_lambda(ax, ay, wo)); }
-    /// f / pdf without Fresnel: D G2 / (D_s G1_s).
-    TALBOT_MEMBER float weight(Vec3 h, Vec3 wo, Vec3 wi) const {
+    TALBOT_MEMBER float sampled(Vec3 h, Vec3 wo) const {
+        return beckmann ? beckmann_d(ax, ay, h) / beckmann_visible_norm(ax, ay, wo) : ggx_d(ax, ay, h) / (1.0f + ggx_lambda(ax, ay, wo));
+    }
+    /// A visible normal; wo.z > 0.
+    TALBOT_MEMBER Vec3 sample_visible(Vec3 wo, float u, float v) const {
+        return beckmann ? sample_beckmann_visible(ax, ay, wo, u, v) : sample_ggx_visible(ax, ay, wo, u, v);
+    }
+    /// f / pdf without Fresnel: G2 over the G1 of sampling.
+    TALBOT_MEMBER float weight(Vec3 wo, Vec3 wi) const {
         const float lo = lambda(wo), li = lambda(wi);
-        const float smooth = beckmann ? d(h) / sampled(h, wo) : 1.0f + lo;
-        return g2(lo, li) * smooth;
+        return g2(lo, li) * (beckmann ? beckmann_visible_norm(ax, ay, wo) : 1.0f + lo);
     }
     TALBOT_MEMBER float roughness() const { return std::sqrt(std::sqrt(ax * ay)); }
 };

@@ -62,12 +62,12 @@ struct Interface {
         const bool valid = (wo.z > 0.0f) & (co > 0.0f) & ((2.0f * m - 1.0f) * wi.z > 0.0f) & (maxf(m, cos_t2) > 0.0f);
         const float d = delta(m);
         const float pdf = dist.sampled(h, wo) * co * jacobian / maxf(wo.z, 1e-7f) * chance;
-        const float weight = dist.weight(h, wo, wi);
+        const float weight = dist.weight(wo, wi);
         const int32_t flags = (valid ? 0 : int32_t(kSampledFailed)) | int32_t(d) * kSampledDelta | int32_t(1.0f - m) * kSampledTransmit;
         return {wi, weight * (1.0f - d) + d, pdf * (1.0f - d) + kDeltaPdf * d, flags};
     }
     TALBOT_MEMBER Vec3 facet(Vec3 wo, float u, float v) const {
-        const Vec3 h = sample_ggx_visible(dist.ax, dist.ay, {wo.x, wo.y, maxf(wo.z, 1e-6f)}, u, v);
+        const Vec3 h = dist.sample_visible({wo.x, wo.y, maxf(wo.z, 1e-6f)}, u, v);
         return {dist.sharp != 0 ? 0.0f : h.x, dist.sharp != 0 ? 0.0f : h.y, dist.sharp != 0 ? 1.0f : h.z};
     }
 };

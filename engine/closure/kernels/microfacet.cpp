@@ -62,12 +62,12 @@ struct ReflectLobe {
     TALBOT_MEMBER LobeSample sample(const LobeLane& lane, float u, float v, float) const {
         const Frame frame = make_frame(lane.n, tangent, use_tangent != 0);
         const Vec3 wo = to_local(frame, lane.wo);
-        const Vec3 hs = sample_ggx_visible(dist.ax, dist.ay, {wo.x, wo.y, maxf(wo.z, 1e-6f)}, u, v);
+        const Vec3 hs = dist.sample_visible({wo.x, wo.y, maxf(wo.z, 1e-6f)}, u, v);
         const Vec3 h{dist.sharp != 0 ? 0.0f : hs.x, dist.sharp != 0 ? 0.0f : hs.y, dist.sharp != 0 ? 1.0f : hs.z};
         const float c = dot(wo, h);
         const Vec3 wi = h * (2.0f * c) - wo;
         const bool valid = (wo.z > 0.0f) & (wi.z > 0.0f);
-        const float rough = dist.weight(h, wo, wi);
+        const float rough = dist.weight(wo, wi);
         const float pdf = dist.sampled(h, wo) / (4.0f * maxf(wo.z, 1e-7f));
         const Rgb weight = fresnel.at(c) * (dist.sharp != 0 ? 1.0f : rough);
         return {to_world(frame, wi), weight, dist.sharp != 0 ? kDeltaPdf : pdf, 1.0f,
