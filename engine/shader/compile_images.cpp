@@ -98,7 +98,9 @@ void compile_sky(NodeContext& n) {
     n.warn("Sky Texture '" + n.text("sky_type") + "' is not supported yet: a plain gradient without sun is used");
     const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : n.generated());
     const float sun = std::sin(float(n.number("sun_elevation", 0.26)));
-    const float level = clampf(0.1f + sun, 0.02f, 1.0f);
+    // Mean brightness of each model's sky at default settings, measured in Cycles.
+    const std::string model = n.text("sky_type");
+    const float level = model == "HOSEK_WILKIE" ? 0.3f : model == "PREETHAM" ? 2.5f : 8.0f * clampf(0.1f + sun, 0.02f, 1.0f);
     const Value up = e.sqrt(e.max(d.z, 0.0f));
     const Value3 sky = e.lerp(e.constant3(0.75f * level, 0.85f * level, 0.95f * level), e.constant3(0.12f * level, 0.25f * level, 0.6f * level), up);
     const Value below = e.saturate(e.mul(d.z, -4.0f));

@@ -198,8 +198,9 @@ ShaderValues GraphCompiler::compile() {
     if (graph.output_node < 0 || size_t(graph.output_node) >= graph.nodes.size()) return values;
     const scene::Node& output = graph.nodes[size_t(graph.output_node)];
     const scene::NodeInput* surface = find_input(output, "Surface");
-    if (const scene::NodeInput* volume = find_input(output, "Volume"); volume && volume->from_node >= 0)
-        warn(output, "Volume shaders are not supported yet: the link is ignored");
+    const scene::NodeInput* volume = find_input(output, "Volume");
+    const bool has_volume = volume && volume->from_node >= 0;
+    if (has_volume) warn(output, "Volume shaders are not supported yet: the volume is left out");
     bend_by_displacement(output);
     if (surface && surface->from_node >= 0) {
         const int root = shader_source(surface);
@@ -212,6 +213,9 @@ ShaderValues GraphCompiler::compile() {
         } else {
             warn(output, "The link to Surface comes from a socket that does not exist: nothing is drawn");
         }
+    } else if (has_volume && output.type == "ShaderNodeOutputMaterial") {
+        // A volume without a surface is only seen through: with the volume left out nothing of it remains.
+        NodeContext(*this, graph.output_node, 0).transparent(e.literal3(1, 1, 1));
     }
     return values;
 }

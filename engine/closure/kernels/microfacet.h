@@ -94,7 +94,9 @@ TALBOT_INLINE Vec3 sample_beckmann_visible(float ax, float ay, Vec3 w, float u, 
     constexpr float kEdge = 0.9999998f;
     float b = clampf(u * (1.0f + limit) - 1.0f, -kEdge, kEdge);
     float slope = erf_inverse(b);
-    for (int step = 0; step < 8; ++step) {
+    // Unrolled, or the loop over lanes around it would not vectorise.
+#pragma GCC unroll 6
+    for (int step = 0; step < 6; ++step) {
         const float value = 0.5f * (1.0f + b) + tan * lane_exp(-slope * slope) * kHalfInvSqrtPi - target;
         const float derivative = maxf(0.5f * (1.0f - slope * tan), 1e-4f);
         b = clampf(b - value / derivative, -kEdge, minf(limit, kEdge));
