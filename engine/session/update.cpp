@@ -97,6 +97,7 @@ void update_render_data(Session::State& s) {
         s.statistics.*field += seconds_since(t);
     };
     check_settings(scene.settings);
+    if (scene.settings.adaptive) s.report.info("Adaptive sampling is not supported yet: every pixel takes all samples");
     const auto begin = Clock::now();
     {
         std::lock_guard lock(s.mutex);
@@ -128,6 +129,12 @@ void update_render_data(Session::State& s) {
     data.shading.film_height = float(scene.settings.height);
     make_workers(s);
     if (shaders || objects) {
+        const size_t estimate = geometry::estimate_bytes(data.tables);
+        {
+            std::lock_guard lock(s.mutex);
+            s.progress.memory = estimate + data.textures.bytes();
+            s.progress.memory_peak = std::max(s.progress.memory_peak, s.progress.memory);
+        }
         timed("Building BVH", &Statistics::bvh_seconds, [&] {
             geometry::BuildOptions options;
             options.threads = data.pool->size();
