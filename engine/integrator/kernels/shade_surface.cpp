@@ -51,7 +51,6 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
 
 /// Radiance the surface emits towards the path, weighted against the light samples that could have found it.
 void add_emission(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
-    const scene::Settings& settings = *context.settings;
     const PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
     const shader::ShadingSpan& span = s.span;
@@ -85,34 +84,8 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
         }
     }
 
-    for (int category = 0; category < 3; ++category) {
-        int count = 0;
-        const float limit = 3.0f * (category == 2 ? settings.clamp_indirect : settings.clamp_direct);
-        for (int i = 0; i < span.n; ++i) {
-            const int bounces = total_bounces(s.bounces[i]);
-            if ((bounces > 2 ? 2 : bounces) != category) continue;
-            const Rgb c = clamp_contribution(load(s.throughput, i) * load(emitted, i) * s.tmp[i], limit);
-            if (c.x == 0.0f && c.y == 0.0f && c.z == 0.0f) continue;
-            const int32_t lane = s.lane[i];
-            s.itmp[count] = paths.pixel[lane];
-            store(s.rgb, count, c);
-            if (context.layout->light_passes) {
-                store(s.share_a, count, load(paths.diffuse_share, lane));
-                store(s.share_b, count, load(paths.glossy_share, lane));
-            }
-            ++count;
-        }
-        if (count == 0) continue;
-        film::Contributions c;
-        c.pixel = s.itmp;
-        c.rgb = s.rgb;
-        c.n = count;
-        if (context.layout->light_passes) {
-            c.diffuse = s.share_a;
-            c.glossy = s.share_b;
-        }
-        film::add(tile, category == 0 ? film::Category::Emission : category == 1 ? film::Category::Direct : film::Category::Indirect, c);
-    }
+    for (int i = 0; i < span.n; ++i) store(s.rgb, i, load(emitted, i) * s.tmp[i]);
+    add_found_light(context, worker, s.lane, span.n, s.rgb, film::Category::Emission, tile);
 }
 
 /// Holdout closures and objects cut a hole: what they absorb becomes transparency of the pixel.

@@ -15,6 +15,10 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
 /// Closest hits of the listed lanes.
 void intersect_paths(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, const geometry::TraceOptions& options);
 
+/// Sends the radiance `rgb` that n <= kSpan paths found (weighted already, lane by lane of the list) to the film: throughput, clamp, category by the
+/// number of scatterings. `seen` is its category where there was none. Uses rgb, itmp, tmp3 and the shares of the scratch.
+void add_found_light(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, Columns3 rgb, film::Category seen, film::TileFilm& tile);
+
 /// Lamps between the origin and the hit: they emit and let the ray pass.
 void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
 

@@ -191,7 +191,7 @@ TEST(ClosedForms, FurnaceBox) {
         stage.look({0.3f, 0.2f, -1}, {0, 0, -1});
         expect_render(stage, expected[n], std::to_string(n) + " bounces", 0.002);
     }
-    Stage deep(512);
+    Stage deep(2048);
     deep.mesh(cube_corners(), kCube, deep.glowing(0.8f, 1));
     deep.bounces(100);
     deep.look({0.3f, 0.2f, -1}, {0, 0, -1});
