@@ -7,45 +7,6 @@
 namespace talbot::integrator {
 inline namespace TALBOT_ISA {
 
-namespace {
-
-/// BSDF over all slots towards s.wi: s.f, its diffuse and glossy parts (when the shares are wanted), and the mixture's density in s.pdf.
-void eval_closures(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, bool shares) {
-    SpanScratch& s = worker.scratch;
-    const int n = s.span.n;
-    for (Columns3 c : {s.f, s.f_diffuse, s.f_glossy}) fill(c.x, n, 0.0f), fill(c.y, n, 0.0f), fill(c.z, n, 0.0f);
-    fill(s.pdf, n, 0.0f);
-    (void)context;
-    for (size_t k = 0; k < program.slots.size(); ++k) {
-        const ClosureSlot& slot = program.slots[k];
-        if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
-        closure_eval(slot, slot_columns(slot, s.registers), geometry, s.wi, n, s.slot_f, s.slot_pdf);
-        const float* weight = s.slot_weight + k * kSpan;
-        // The lamp may be invisible to this kind of lobe.
-        const int32_t needed = slot.lobe == LobeKind::Diffuse  ? scene::kVisibleDiffuse
-                               : slot.lobe == LobeKind::Glossy ? scene::kVisibleGlossy
-                                                               : scene::kVisibleTransmission;
-        const Columns3 f = s.f, slot_f = s.slot_f;
-        TALBOT_VECTOR_LOOP
-        for (int i = 0; i < n; ++i) {
-            const float lit = (s.light.visibility[i] & needed) ? 1.0f : 0.0f;
-            slot_f.x[i] *= lit, slot_f.y[i] *= lit, slot_f.z[i] *= lit;
-            f.x[i] += slot_f.x[i];
-            f.y[i] += slot_f.y[i];
-            f.z[i] += slot_f.z[i];
-            s.pdf[i] += s.slot_pdf[i] * weight[i];
-        }
-        if (shares) add_shares(s, slot, geometry);
-    }
-    for (int i = 0; i < n; ++i) s.pdf[i] = s.weight_sum[i] > 0.0f ? s.pdf[i] / s.weight_sum[i] : 0.0f;
-}
-
-TALBOT_INLINE Vec3 ratio(Vec3 a, Vec3 b) {
-    return {b.x != 0.0f ? a.x / b.x : 0.0f, b.y != 0.0f ? a.y / b.y : 0.0f, b.z != 0.0f ? a.z / b.z : 0.0f};
-}
-
-}  // namespace
-
 void sample_light(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, light::Stratum stratum) {
     const scene::Settings& settings = *context.settings;
     PathColumns& paths = worker.paths;
@@ -81,7 +42,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     std::memcpy(s.wi.y, s.light.wi.y, size_t(n) * 4);
     std::memcpy(s.wi.z, s.light.wi.z, size_t(n) * 4);
     const bool shares = context.layout->light_passes;
-    eval_closures(context, worker, program, geometry, shares);
+    eval_closures(s, program, geometry, s.light.visibility, shares, s.f, s.pdf);
     geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
 
     const float limit_direct = 3.0f * settings.clamp_direct, limit_indirect = 3.0f * settings.clamp_indirect;
@@ -141,8 +102,8 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         queue.visibility[k] = scene::kVisibleShadow;
         queue.crossed[k] = s.span.transparent_depth[i];
         if (shares) {
-            store(queue.diffuse_share, k, bounces > 0 ? load(paths.diffuse_share, lane) : ratio(load(s.f_diffuse, i), load(s.f, i)));
-            store(queue.glossy_share, k, bounces > 0 ? load(paths.glossy_share, lane) : ratio(load(s.f_glossy, i), load(s.f, i)));
+            store(queue.diffuse_share, k, bounces > 0 ? load(paths.diffuse_share, lane) : load(s.f_diffuse, i));
+            store(queue.glossy_share, k, bounces > 0 ? load(paths.glossy_share, lane) : load(s.f_glossy, i));
         }
     }
 }

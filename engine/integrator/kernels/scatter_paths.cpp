@@ -81,27 +81,11 @@ void sample_slot(SpanScratch& s, const ClosureSlot& slot, const ClosureGeometry&
 void eval_mixture(SpanScratch& s, const shader::Program& program, const ClosureGeometry& geometry, bool shares) {
     const int n = s.span.n;
     const Columns3 sum = s.rgb;
-    for (Columns3 c : {sum, s.f_diffuse, s.f_glossy}) fill(c.x, n, 0.0f), fill(c.y, n, 0.0f), fill(c.z, n, 0.0f);
-    fill(s.tmp, n, 0.0f);
-    for (size_t k = 0; k < program.slots.size(); ++k) {
-        const ClosureSlot& slot = program.slots[k];
-        if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
-        closure_eval(slot, slot_columns(slot, s.registers), geometry, s.wi, n, s.slot_f, s.slot_pdf);
-        const float* weight = s.slot_weight + k * kSpan;
-        const Columns3 slot_f = s.slot_f;
-        TALBOT_VECTOR_LOOP
-        for (int i = 0; i < n; ++i) {
-            sum.x[i] += slot_f.x[i];
-            sum.y[i] += slot_f.y[i];
-            sum.z[i] += slot_f.z[i];
-            s.tmp[i] += s.slot_pdf[i] * weight[i];
-        }
-        if (shares) add_shares(s, slot, geometry);
-    }
+    eval_closures(s, program, geometry, nullptr, shares, sum, s.tmp);
     const Columns3 f = s.f;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        const float pdf = s.tmp[i] / s.weight_sum[i];
+        const float pdf = s.tmp[i];
         const bool smooth = (s.sampled_flags[i] & (kSampledDelta | kSampledTransparent | kSampledFailed)) == 0;
         const bool use = smooth & (pdf > 0.0f);
         const float inverse = 1.0f / pdf;
@@ -111,14 +95,6 @@ void eval_mixture(SpanScratch& s, const shader::Program& program, const ClosureG
         s.pdf[i] = use ? pdf : s.pdf[i];
         // One slot alone stands for the mixture with the probability it was chosen with.
         s.sampled_flags[i] |= smooth & !(pdf > 0.0f) ? int32_t(kSampledFailed) : 0;
-    }
-    if (!shares) return;
-    for (int i = 0; i < n; ++i) {
-        const Vec3 total = load(sum, i);
-        auto share = [](float part, float whole) { return whole != 0.0f ? part / whole : 0.0f; };
-        const Vec3 d = load(s.f_diffuse, i), g = load(s.f_glossy, i);
-        store(s.f_diffuse, i, Vec3{share(d.x, total.x), share(d.y, total.y), share(d.z, total.z)});
-        store(s.f_glossy, i, Vec3{share(g.x, total.x), share(g.y, total.y), share(g.z, total.z)});
     }
 }
 

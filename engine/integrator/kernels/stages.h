@@ -32,6 +32,11 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
 /// First-hit passes of camera paths in the span whose program has run.
 void write_data_passes(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, film::TileFilm& tile);
 
+/// BSDF over all slots towards s.wi (f) and the mixture's density there (pdf). `lamp_visibility`: which kinds of lobe a lamp lights, null: all.
+/// With `shares`, the parts of f that are diffuse and glossy go to s.f_diffuse and s.f_glossy (0..1 a channel).
+void eval_closures(SpanScratch& s, const shader::Program& program, const ClosureGeometry& geometry, const int32_t* lamp_visibility, bool shares, Columns3 f,
+                   float* pdf);
+
 /// Light samples of the span whose program has run; pushes shadow rays.
 void sample_light(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, light::Stratum stratum);
 
