@@ -317,7 +317,7 @@ void transfer_properties(A& a, T& properties) {
 template <class A, class T>
 void transfer(A& a, T& value) {
     using Plain = std::remove_cv_t<T>;
-    if constexpr (is_raw<Plain>) {
+    if constexpr (is_raw<std::remove_all_extents_t<Plain>>) {
         a.raw(&value, sizeof value);
     } else if constexpr (std::is_same_v<Plain, bool> || std::is_enum_v<Plain>) {
         static_assert(sizeof(Plain) == 1);
@@ -330,8 +330,6 @@ void transfer(A& a, T& value) {
             if (byte > last) a.fail("a value is outside its range");
             value = Plain(byte);
         }
-    } else if constexpr (std::is_array_v<Plain>) {
-        for (auto& element : value) transfer(a, element);
     } else if constexpr (std::is_same_v<Plain, std::string>) {
         transfer_block(a, value);
     } else if constexpr (is_vector<Plain>::value) {

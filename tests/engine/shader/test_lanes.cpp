@@ -11,9 +11,9 @@
 #include "support/graph_builder.h"
 
 namespace talbot {
-// The kernels of every instruction set that was compiled in. The lowest one's namespace is inline (see the header), the others' are not here.
+// The kernels of every instruction set that was compiled in. Inline like the lowest one's in the header, so they are called by their whole names.
 #define TALBOT_DECLARE(isa)                                                                                                                      \
-    namespace shader::isa {                                                                                                                      \
+    namespace shader::inline isa {                                                                                                               \
     void run_program(const Program& program, const Programs& programs, const ShadingSpan& span, const ShaderContext& context, float* registers); \
     }
 #ifdef TALBOT_HAS_v2
@@ -143,7 +143,7 @@ struct Stage {
     }
     Rgb at(float u, float v) {
         place({{u, v}});
-        return run(shader::run_program).front();
+        return run(all_runs().front().second).front();
     }
 };
 
