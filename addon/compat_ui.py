@@ -27,9 +27,7 @@ _EXTRA = (
     "VIEWLAYER_PT_layer_passes",
     "VIEWLAYER_PT_override",
     "WORLD_PT_context_world",
-    "WORLD_PT_preview",
     "DATA_PT_preview",
-    "EEVEE_VIEW_LAYER_PT_passes_data",
 )
 """Panels that Blender lists for its own engines only."""
 

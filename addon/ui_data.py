@@ -105,6 +105,19 @@ class TALBOT_LIGHT_PT_nodes(TalbotPanel, bpy.types.Panel):
             draw_output(self.layout, light, "OUTPUT_LIGHT")
 
 
+class TALBOT_WORLD_PT_preview(TalbotPanel, bpy.types.Panel):
+    bl_label = "Preview"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.world is not None and super().poll(context)
+
+    def draw(self, context: Any) -> None:
+        self.layout.template_preview(context.world)
+
+
 class TALBOT_WORLD_PT_settings(TalbotPanel, bpy.types.Panel):
     bl_label = "Settings"
     bl_context = "world"
@@ -254,6 +267,7 @@ CLASSES = (
     TALBOT_LIGHT_PT_light,
     TALBOT_LIGHT_PT_beam,
     TALBOT_LIGHT_PT_nodes,
+    TALBOT_WORLD_PT_preview,
     TALBOT_WORLD_PT_settings,
     TALBOT_WORLD_PT_visibility,
     TALBOT_WORLD_PT_mist,
