@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from launcher.common import BUILD, CACHE, ROOT, LauncherError, say
-from launcher.native import locked
+from launcher.native import locked, native_module
 
 MODULES = {"bpy-4.2": "4.2.23", "bpy-4.5": "4.5.15", "bpy-5.0": "5.0.1"}
 # What the official builds expect of the system, beside what a Debian without a desktop has.
@@ -40,6 +40,17 @@ def user_environment(name: str, stage: Path) -> dict[str, str]:
         "BLENDER_USER_SCRIPTS": str(stage),
     }
     return environment
+
+
+def why_no_modules() -> str:
+    """Why the official modules, all of CPython 3.11, cannot load what was built here; "" when they can."""
+    built = native_module()
+    if built is None or ".cpython-311-" in built.name:
+        return ""
+    return (
+        "the official Blender modules run CPython 3.11, but the native module was built for this system's Python "
+        f"({built.name}): use them on Debian 12"
+    )
 
 
 def find_python311() -> str:
@@ -99,6 +110,8 @@ def find_host(which: str | None, stage: Path) -> Host:
         environment["PATH"] = os.pathsep.join(["/usr/bin", "/bin", environment.get("PATH", "")])
         return Host("system", [program], environment=environment)
     if which in MODULES:
+        if why_no_modules():
+            raise LauncherError(f"--blender {which}: {why_no_modules()}.")
         command = [str(module_python(which)), str(ROOT / "packaging" / "bpy_driver.py")]
         return Host(which, command, True, user_environment(which, stage))
     program = shutil.which(which)

@@ -158,5 +158,8 @@ def run_all(arguments: argparse.Namespace) -> Tally:
         tally += run_house(arguments.filter)
     which = arguments.blender or ["system", "bpy-5.0", *(["bpy-4.2", "bpy-4.5"] if arguments.all else [])]
     for name in which:
-        tally += run_in_blender(name, arguments.filter)
+        if name in hosts.MODULES and not arguments.blender and hosts.why_no_modules():
+            tally += skip_check(f"pytest in {name}", hosts.why_no_modules())
+        else:
+            tally += run_in_blender(name, arguments.filter)
     return tally

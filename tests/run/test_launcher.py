@@ -87,6 +87,14 @@ def test_an_unknown_blender_is_a_message(tmp_path: Path) -> None:
         hosts.find_host("bpy-1.0", tmp_path)
 
 
+def test_official_modules_want_a_module_of_their_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hosts, "native_module", lambda: Path("_talbot.cpython-313-x86_64-linux-gnu.so"))
+    with pytest.raises(hosts.LauncherError, match=r"CPython 3\.11.*cpython-313"):
+        hosts.find_host("bpy-5.0", tmp_path)
+    monkeypatch.setattr(hosts, "native_module", lambda: Path("_talbot.cpython-311-x86_64-linux-gnu.so"))
+    assert hosts.why_no_modules() == ""
+
+
 def test_the_users_configuration_is_left_alone(tmp_path: Path) -> None:
     environment = hosts.user_environment("test", tmp_path)
     assert environment["BLENDER_USER_SCRIPTS"] == str(tmp_path)
