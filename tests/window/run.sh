@@ -3,15 +3,15 @@
 #
 #     tests/window/run.sh OUTPUT_FOLDER [FILE.blend]
 #
-# Needs xvfb and imagemagick. The Blender that `./talbot blender` starts is used; BLENDER=path chooses another.
+# Needs xvfb, imagemagick and xdotool (which presses Escape). The Blender that `./talbot blender` starts is used; BLENDER=path chooses another.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 output=$1
 file=${2:-}
 mkdir -p "$output"
 output=$(cd "$output" && pwd)
-for tool in xvfb-run import; do
-    command -v "$tool" >/dev/null || { echo "$tool is missing: apt-get install xvfb imagemagick" >&2; exit 2; }
+for tool in xvfb-run import xdotool; do
+    command -v "$tool" >/dev/null || { echo "$tool is missing: apt-get install xvfb xauth imagemagick xdotool" >&2; exit 2; }
 done
 set -- --factory-startup --window-geometry 0 0 1280 1000 ${file:+"$file"} --python "$here/session.py" -- "$output"
 if [ -n "${BLENDER:-}" ]; then

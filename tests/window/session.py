@@ -24,8 +24,16 @@ def shot(name: str) -> None:
     subprocess.run(["import", "-window", "root", str(OUTPUT / f"{name}.png")], check=True)
 
 
-def same(one: str, other: str, crop: str = "500x400+300+250") -> bool:
-    """Whether two screenshots agree in the viewport's middle."""
+def middle_of(editor: bpy.types.Area) -> str:
+    """The middle of an editor as ImageMagick's crop: without the headers and the text that a viewport writes on top."""
+    region = next(r for r in editor.regions if r.type == "WINDOW")
+    width, height = region.width // 2, region.height // 2
+    top = bpy.context.window_manager.windows[0].height - region.y - region.height
+    return f"{width}x{height}+{region.x + width // 2}+{top + height // 2}"
+
+
+def same(one: str, other: str, crop: str) -> bool:
+    """Whether two screenshots agree within the crop."""
     pictures = [
         subprocess.run(
             ["convert", str(OUTPUT / f"{name}.png"), "-crop", crop, "rgb:-"], check=True, capture_output=True
@@ -42,14 +50,32 @@ def expect(ok: bool, what: str) -> None:
         FAILED.append(what)
 
 
-def wait_for_change(before: str, after: str, what: str) -> Iterator[float]:
+def wait_for_change(editor: bpy.types.Area, before: str, after: str, what: str) -> Iterator[float]:
     """Takes the second screenshot again and again, up to half a minute (a loaded machine), until it differs."""
+    crop = middle_of(editor)
     for _ in range(20):
         yield 1.5
         shot(after)
-        if not same(before, after):
+        if not same(before, after, crop):
             break
-    expect(not same(before, after), what)
+    expect(not same(before, after, crop), what)
+
+
+def principled() -> bpy.types.Node | None:
+    """The Principled node of the material that the steps colour, where it has one."""
+    material = subject().active_material
+    return material.node_tree.nodes.get("Principled BSDF") if material and material.node_tree else None
+
+
+def background() -> bpy.types.Node | None:
+    """The world's."""
+    world = bpy.context.scene.world
+    return world.node_tree.nodes.get("Background") if world and world.node_tree else None
+
+
+def subject() -> bpy.types.Object:
+    """The object that the steps move and colour."""
+    return bpy.data.objects.get("Cube") or next(o for o in bpy.data.objects if o.type == "MESH")
 
 
 def area(kind: str) -> bpy.types.Area:
@@ -65,22 +91,23 @@ def viewport_steps() -> Iterator[float]:
     space.shading.type = "RENDERED"
     yield 4.0
     shot("viewport_1_started")
-    cube = bpy.data.objects.get("Cube") or next(o for o in bpy.data.objects if o.type == "MESH")
-    cube.location.x += 1
-    yield from wait_for_change("viewport_1_started", "viewport_2_object_moved", "moving an object changes the viewport")
+    subject().location.x += 1
+    yield from wait_for_change(
+        view, "viewport_1_started", "viewport_2_object_moved", "moving an object changes the viewport"
+    )
     shot("viewport_3_material")
-    material = cube.active_material
-    if material and material.node_tree and "Principled BSDF" in material.node_tree.nodes:
-        material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.1, 0.05, 1)
-        yield from wait_for_change("viewport_2_object_moved", "viewport_3_material", "a colour changes the viewport")
+    if principled():
+        principled().inputs["Base Color"].default_value = (0.8, 0.1, 0.05, 1)
+        yield from wait_for_change(
+            view, "viewport_2_object_moved", "viewport_3_material", "a colour changes the viewport"
+        )
     shot("viewport_4_world")
-    world = bpy.context.scene.world
-    if world and world.node_tree and "Background" in world.node_tree.nodes:
-        world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.2, 0.4, 0.8, 1)
-        yield from wait_for_change("viewport_3_material", "viewport_4_world", "the world changes the viewport")
+    if background():
+        background().inputs["Color"].default_value = (0.2, 0.4, 0.8, 1)
+        yield from wait_for_change(view, "viewport_3_material", "viewport_4_world", "the world changes the viewport")
     for lamp in bpy.data.lights:
         lamp.energy *= 3
-    yield from wait_for_change("viewport_4_world", "viewport_5_light", "a light changes the viewport")
+    yield from wait_for_change(view, "viewport_4_world", "viewport_5_light", "a light changes the viewport")
     for step in range(10):
         space.region_3d.view_distance *= 0.96
         space.region_3d.view_location.z += 0.05
@@ -112,32 +139,75 @@ def two_viewports() -> Iterator[float]:
         one.spaces.active.shading.type = "RENDERED"
     views[-1].spaces.active.region_3d.view_perspective = "PERSP"
     yield 4.0
-    shot("two_viewports")
+    shot("two_viewports_1")
+    subject().location.z += 0.5
+    for number, one in enumerate(views, 1):
+        what = f"moving an object changes viewport {number} of two"
+        yield from wait_for_change(one, "two_viewports_1", "two_viewports_2", what)
 
 
-def render_steps() -> Iterator[float]:
-    """F12 while a viewport renders too."""
-    scene = bpy.context.scene
-    scene.render.resolution_percentage = 40
-    scene.talbot.samples = 32
-    ended: list[str] = []
-    done, cancelled = (lambda *_: ended.append("complete")), (lambda *_: ended.append("cancel"))
-    bpy.app.handlers.render_complete.append(done)
-    bpy.app.handlers.render_cancel.append(cancelled)
-    bpy.context.preferences.view.render_display_type = "WINDOW"
-    window = bpy.context.window_manager.windows[0]
-    with bpy.context.temp_override(window=window):
-        bpy.ops.render.render("INVOKE_DEFAULT")
-    start = time.monotonic()
-    while not ended and time.monotonic() - start < 60:
-        yield 0.2
-    yield 1.0
-    shot("render_f12")
-    expect(ended == ["complete"], f"the render ended ({ended or 'not at all'})")
+class Render:
+    """F12: started as the key does, in a job beside the window. `ended` tells how it ended and when."""
+
+    def __init__(self) -> None:
+        self.ended: list[str] = []
+        self.when = 0.0
+        self.handlers = {
+            "render_complete": lambda *_: self._end("complete"),
+            "render_cancel": lambda *_: self._end("cancel"),
+        }
+        for name, handler in self.handlers.items():
+            getattr(bpy.app.handlers, name).append(handler)
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+            bpy.ops.render.render("INVOKE_DEFAULT")
+
+    def _end(self, how: str) -> None:
+        self.ended.append(how)
+        self.when = time.monotonic()
+
+    def wait(self, seconds: float) -> Iterator[float]:
+        """Until it has ended."""
+        start = time.monotonic()
+        while not self.ended and time.monotonic() - start < seconds:
+            yield 0.1
+        for name, handler in self.handlers.items():
+            getattr(bpy.app.handlers, name).remove(handler)
+        yield 1.0
+
+
+def close_render_window() -> Iterator[float]:
+    """Back to the first window alone."""
     for other in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=other):
             bpy.ops.wm.window_close()
     yield 0.5
+
+
+def render_steps() -> Iterator[float]:
+    """F12 while a viewport renders too: to its end, and again with Escape in the middle of it."""
+    scene = bpy.context.scene
+    scene.render.resolution_percentage = 40
+    scene.talbot.samples = 32
+    bpy.context.preferences.view.render_display_type = "WINDOW"
+    render = Render()
+    yield from render.wait(60)
+    shot("render_f12")
+    expect(render.ended == ["complete"], f"the render ended ({render.ended or 'not at all'})")
+    yield from close_render_window()
+
+    scene.talbot.samples = 100000
+    render = Render()
+    yield 4.0
+    expect(not render.ended, "a long render is under way")
+    shot("render_before_escape")
+    pressed = time.monotonic()
+    subprocess.run(["xdotool", "mousemove", "600", "400", "key", "Escape"], check=True)
+    yield from render.wait(20)
+    shot("render_after_escape")
+    expect(render.ended == ["cancel"], f"Escape ends the render ({render.ended or 'not at all'})")
+    print(f"[window] Escape was obeyed after {render.when - pressed:.2f} s", flush=True)
+    scene.talbot.samples = 32
+    yield from close_render_window()
 
 
 def panel_steps() -> Iterator[float]:
@@ -145,17 +215,25 @@ def panel_steps() -> Iterator[float]:
     editor = area("VIEW_3D")
     editor.ui_type = "PROPERTIES"
     yield 0.5
+    for lamp in bpy.data.lights:
+        lamp.energy = 20  # what the viewport wanted is more than a preview shows
     lamp = next((o.name for o in bpy.data.objects if o.type == "LIGHT"), None)
     camera = bpy.context.scene.camera.name if bpy.context.scene.camera else None
-    mesh = next(o.name for o in bpy.data.objects if o.type == "MESH")
+    mesh = subject().name
     tabs = [("RENDER", mesh), ("VIEW_LAYER", mesh), ("MATERIAL", mesh), ("WORLD", mesh), ("OBJECT", mesh)]
     tabs += [("DATA", name) for name in (lamp, camera) if name]
+    previewed = {"MATERIAL": (principled(), "Base Color"), "WORLD": (background(), "Color")}
     for tab, name in tabs:
         bpy.context.view_layer.objects.active = bpy.data.objects[name]
         yield 0.3
         editor.spaces.active.context = tab
-        yield 10.0 if tab in {"MATERIAL", "DATA"} else 1.0
-        shot(f"panel_{tab.lower()}_{name}")
+        yield 10.0 if tab in {"MATERIAL", "WORLD", "DATA"} else 1.0
+        place = f"panel_{tab.lower()}_{name}"
+        shot(place)
+        node, socket = previewed.get(tab, (None, ""))
+        if node:
+            node.inputs[socket].default_value = (0.1, 0.6, 0.1, 1)
+            yield from wait_for_change(editor, place, f"{place}_green", f"the {tab.lower()} preview follows its colour")
 
 
 def all_steps() -> Iterator[float]:
@@ -169,14 +247,14 @@ def all_steps() -> Iterator[float]:
 
 
 def open_previews() -> None:
-    """The preview panels start closed; a panel registered anew without that option starts open, below the others."""
-    open_ones = ("MATERIAL_PT_preview", "WORLD_PT_preview", "DATA_PT_preview")
-    for name in ("EEVEE_MATERIAL_PT_surface", *open_ones):
-        panel = getattr(bpy.types, name, None)
-        if panel is not None:
-            bpy.utils.unregister_class(panel)
-            panel.bl_options = set() if name in open_ones else {"DEFAULT_CLOSED"}
-            bpy.utils.register_class(panel)
+    """The preview panels start closed; a panel registered anew without that option starts open, below the others. Those
+    that show a colour themselves are closed, so that only the previews change with it."""
+    open_ones = ("MATERIAL_PT_preview", "TALBOT_WORLD_PT_preview", "DATA_PT_preview")
+    for name in ("EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", *open_ones):
+        panel = getattr(bpy.types, name)
+        bpy.utils.unregister_class(panel)
+        panel.bl_options = set() if name in open_ones else {"DEFAULT_CLOSED"}
+        bpy.utils.register_class(panel)
 
 
 STEPS = all_steps()
