@@ -118,7 +118,8 @@ def test_new_material_replaces_the_old_one(scene_of_two: Any) -> None:
     with Updates(sync):
         for obj in (first, second):
             obj.data.materials[0] = bpy.data.materials.new("New")
-    assert sorted(name for name, _, _ in session.shaders.values()) == ["Material 'New'", "Material 'New.001'"]
+    materials = [name for name, _, _ in session.shaders.values() if name.startswith("Material")]
+    assert sorted(materials) == ["Material 'New'", "Material 'New.001'"]  # from 5.x on a new lamp has nodes as well
 
 
 def test_world_and_settings(scene_of_two: Any) -> None:
