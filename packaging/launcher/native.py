@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -21,14 +22,34 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
     """One build at a time in a directory, also when two launchers run."""
-    directory.mkdir(parents=True, exist_ok=True)
-    with open(directory / ".lock", "w") as file:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        file = open(directory / ".lock", "w")
+    except OSError as error:
+        raise LauncherError(f"{directory} cannot be written: {error.strerror}") from None
+    with file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
+def drop_foreign(build: Path) -> None:
+    """CMake refuses a build folder that was configured at another place: one that was moved or copied is made anew."""
+    cache = build / "CMakeCache.txt"
+    if not cache.exists():
+        return
+    home = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", cache.read_text(errors="replace"), re.MULTILINE)
+    if home and os.path.realpath(home[1]) == str(ROOT):
+        return
+    say(f"{build} was made for {home[1] if home else 'another place'}: building anew")
+    for entry in build.iterdir():
+        if entry.name == ".lock":
+            continue
+        shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+
+
 def configure(build: Path, options: list[str]) -> None:
     """Runs CMake once; afterwards ninja runs it again by itself when needed. `options` are for the first time only."""
+    drop_foreign(build)
     if (build / "build.ninja").exists():
         return
     command = ["cmake", "-S", str(ROOT), "-B", str(build), "-G", "Ninja", *options]

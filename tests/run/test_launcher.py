@@ -87,6 +87,24 @@ def test_an_unknown_blender_is_a_message(tmp_path: Path) -> None:
         hosts.find_host("bpy-1.0", tmp_path)
 
 
+def test_a_folder_that_cannot_be_written_is_a_message(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()  # root may write everywhere, but not below a file
+    with pytest.raises(hosts.LauncherError, match="cannot be written"), native.locked(tmp_path / "file" / "build"):
+        pass
+
+
+def test_a_build_from_another_place_is_dropped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cache = tmp_path / "CMakeCache.txt"
+    (tmp_path / "engine").mkdir()
+    cache.write_text(f"CMAKE_HOME_DIRECTORY:INTERNAL={ROOT}\n")
+    native.drop_foreign(tmp_path)
+    assert cache.exists() and (tmp_path / "engine").exists()
+    cache.write_text("CMAKE_HOME_DIRECTORY:INTERNAL=/somewhere/else\n")
+    native.drop_foreign(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    assert "/somewhere/else" in capsys.readouterr().err
+
+
 def test_official_modules_want_a_module_of_their_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hosts, "native_module", lambda: Path("_talbot.cpython-313-x86_64-linux-gnu.so"))
     with pytest.raises(hosts.LauncherError, match=r"CPython 3\.11.*cpython-313"):
