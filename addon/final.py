@@ -248,10 +248,13 @@ class LayerRender:
         parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items() if seconds >= 0.01)
         rays = statistics["camera_rays"] + statistics["bounce_rays"] + statistics["shadow_rays"]
         seconds = max(statistics["render_seconds"], 1e-6)
+        samples, (width, height) = progress["samples_done"], session.size()
+        mean = statistics["paths"] / max(1, width * height)
+        counted = f"{samples} samples" if mean > samples - 0.05 else f"{mean:.1f} of {samples} samples a pixel"
         return (
             f"Read in {sync_seconds:.2f} s{f' ({parts})' if parts else ''}, "
             f"built in {statistics['update_seconds']:.2f} s, "
-            f"{progress['samples_done']} samples in {seconds:.2f} s, {rays / seconds / 1e6:.2f} million rays a second, "
+            f"{counted} in {seconds:.2f} s, {rays / seconds / 1e6:.2f} million rays a second, "
             f"peak {progress['memory_peak'] / MEBIBYTE:.0f} MiB"
         )
 

@@ -78,8 +78,12 @@ SETTINGS = (
     Setting("adaptive_threshold", "Threshold", "Noise to stop at; 0: chosen by the samples", 0.01, (0, 1), precision=4),
     Setting("adaptive_min_samples", "Min Samples", "Samples every pixel gets; 0: chosen", 0, (0, 4096)),
     Setting("use_preview_adaptive_sampling", "Noise Threshold", "The same, in the viewport", True),
-    Setting("preview_adaptive_threshold", "Threshold", "Viewport noise to stop at", 0.1, (0, 1), precision=4),
-    Setting("preview_adaptive_min_samples", "Min Samples", "Samples every viewport pixel gets", 0, (0, 4096)),
+    Setting(
+        "preview_adaptive_threshold", "Threshold", "Viewport noise to stop at; 0: chosen", 0.1, (0, 1), precision=4
+    ),
+    Setting(
+        "preview_adaptive_min_samples", "Min Samples", "Samples every viewport pixel gets; 0: chosen", 0, (0, 4096)
+    ),
     Setting("use_denoising", "Denoise", "Remove noise from the finished picture (Open Image Denoise)", True),
     Setting("use_preview_denoising", "Denoise", "Remove noise from the viewport when its samples are done", False),
     Setting("time_limit", "Time Limit", "Stop a final render after this time; 0: no limit", 0.0, (0, 1e9), unit="TIME"),
@@ -170,14 +174,16 @@ def frame_seed(seed: int, frame: int) -> int:
     return mixed ^ (mixed >> 16)
 
 
-def _sample_range(scene: Any, view_layer: Any, *, viewport: bool, preview: bool) -> tuple[int, int]:
-    """First sample and number of samples."""
+def _sample_range(scene: Any, view_layer: Any, *, viewport: bool, preview: bool) -> tuple[int, int, int]:
+    """First sample, number of samples, and that of the whole picture of which they are a subset."""
     talbot = scene.talbot
     if viewport:
-        return 0, talbot.preview_samples or MAX_SAMPLES
+        samples = talbot.preview_samples or MAX_SAMPLES
+        return 0, samples, samples
     samples = talbot.samples
     if preview:
-        return 0, min(samples, PREVIEW_SAMPLES)
+        samples = min(samples, PREVIEW_SAMPLES)
+        return 0, samples, samples
     own = view_layer.samples if view_layer is not None else 0
     if own > 0 and talbot.use_layer_samples == "USE":
         samples = own
@@ -186,8 +192,15 @@ def _sample_range(scene: Any, view_layer: Any, *, viewport: bool, preview: bool)
     offset = talbot.sample_offset
     cycles = versions.cycles_settings(scene)
     if not is_set(talbot, "sample_offset") and talbot.use_cycles_settings and cycles.get(SUBSET_SWITCH, False):
-        samples = max(1, min(cycles.get("sample_subset_length", samples), samples - offset))
-    return offset, samples
+        return offset, max(1, min(cycles.get("sample_subset_length", samples), samples - offset)), samples
+    return offset, samples, samples
+
+
+def _noise_threshold(threshold: float, samples: int, whole: int) -> float:
+    """A subset of a picture's samples may be noisier, so that the subsets together come to the threshold."""
+    if samples == whole:
+        return threshold
+    return (threshold or max(0.001, 1.0 / whole)) * (samples / whole) ** 0.5
 
 
 def resolution(render: Any) -> tuple[int, int]:
@@ -231,7 +244,7 @@ def engine_settings(
     `width`, `height` and the crop are those of the final frame; the viewport's caller replaces them.
     """
     talbot = scene.talbot
-    first_sample, samples = _sample_range(scene, view_layer, viewport=viewport, preview=preview)
+    first_sample, samples, whole = _sample_range(scene, view_layer, viewport=viewport, preview=preview)
     width, height = resolution(render)
     crop_x, crop_y, crop_width, crop_height = (0, 0, 0, 0) if viewport else crop(render, width, height)
     interactive = "preview_" if viewport else ""
@@ -250,7 +263,7 @@ def engine_settings(
         "seed": frame_seed(seed, scene.frame_current) if talbot.use_animated_seed else seed,
         "time_limit": PREVIEW_SECONDS if preview else time_limit,
         "adaptive": talbot.use_preview_adaptive_sampling if viewport else talbot.use_adaptive_sampling,
-        "adaptive_threshold": getattr(talbot, f"{interactive}adaptive_threshold"),
+        "adaptive_threshold": _noise_threshold(getattr(talbot, f"{interactive}adaptive_threshold"), samples, whole),
         "adaptive_min_samples": getattr(talbot, f"{interactive}adaptive_min_samples"),
         "max_bounces": talbot.max_bounces,
         "diffuse_bounces": talbot.diffuse_bounces,

@@ -14,8 +14,10 @@ namespace {
 using namespace talbot;
 
 constexpr const char* kUsage =
-    "usage: talbot-cli FILE [-o OUT.exr|.png|.pfm] [--samples N] [--threads N] [--seed N] [--isa v2|v3|v4] [--size WxH] [--stats] [--quiet] [--limit]\n"
+    "usage: talbot-cli FILE [-o OUT.exr|.png|.pfm] [--samples N] [--threads N] [--seed N] [--isa v2|v3|v4] [--size WxH] [--noise N|off] [--stats] [--quiet] "
+    "[--limit]\n"
     "Renders a scene dumped by Talbot. Without -o the picture goes to FILE with the ending .exr.\n"
+    "--noise is the threshold at which pixels take no more samples, 0: by the number of samples.\n"
     "--limit renders nothing: it prints which share of bare ray tracing the renderer reaches, and its stages.\n";
 
 volatile std::sig_atomic_t interrupted = 0;
@@ -23,6 +25,8 @@ volatile std::sig_atomic_t interrupted = 0;
 struct Options {
     std::string file, output, isa;
     int samples = 0, threads = 0, width = 0, height = 0;
+    float noise = -1;  ///< the scene's own
+    bool no_noise_threshold = false;
     long seed = -1;
     bool stats = false, quiet = false, limit = false;
 };
@@ -71,6 +75,11 @@ std::string parse(const std::vector<std::string>& arguments, Options& options) {
             options.seed = seed;
         } else if (name == "--isa") {
             options.isa = value;
+        } else if (name == "--noise") {
+            char* end = nullptr;
+            options.no_noise_threshold = value == "off";
+            options.noise = options.no_noise_threshold ? 0.0f : std::strtof(value.c_str(), &end);
+            ok = options.no_noise_threshold || (end && end != value.c_str() && !*end && options.noise >= 0.0f && options.noise <= 1.0f);
         } else if (name == "--size") {
             const size_t x = value.find('x');
             ok = x != std::string::npos && parse_number(value.substr(0, x), 1, options.width) && parse_number(value.substr(x + 1), 1, options.height);
@@ -117,6 +126,10 @@ scene::Scene load(const Options& options) {
     if (options.samples) scene.settings.samples = options.samples;
     if (options.threads) scene.settings.threads = options.threads;
     if (options.seed >= 0) scene.settings.seed = uint32_t(options.seed);
+    if (options.noise >= 0) {
+        scene.settings.adaptive = !options.no_noise_threshold;
+        scene.settings.adaptive_threshold = options.noise;
+    }
     if (!options.isa.empty()) scene.settings.instruction_set = options.isa;
     if (options.width) resize(scene, options.width, options.height);
     return scene;

@@ -100,21 +100,33 @@ FilmLayout make_layout(std::span<const PassKind> passes) {
     return layout;
 }
 
-void TileFilm::reset(const FilmLayout& layout, int width, int height) {
+std::vector<PackedPixel> list_pixels(int width, int height, int side) {
+    std::vector<PackedPixel> pixels;
+    pixels.reserve(size_t(std::max(width, 0)) * size_t(std::max(height, 0)));
+    for (int y0 = 0; y0 < height; y0 += side)
+        for (int x0 = 0; x0 < width; x0 += side)
+            for (int y = y0; y < std::min(y0 + side, height); ++y)
+                for (int x = x0; x < std::min(x0 + side, width); ++x) pixels.push_back(pack_pixel(x, y));
+    return pixels;
+}
+
+void TileFilm::reset(const FilmLayout& layout, int pixel_count, int planes) {
     layout_ = &layout;
-    width_ = width;
-    height_ = height;
-    sums_.assign(size_t(width) * size_t(height) * size_t(layout.stride), 0.0f);
+    pixel_count_ = pixel_count;
+    planes_ = planes;
+    sums_.assign(size_t(pixel_count) * size_t(planes) * size_t(layout.stride), 0.0f);
     pixels_ = sums_.data();
 }
 
-Film::Film(const FilmLayout& layout, int width, int height) : layout_(layout), width_(std::max(width, 0)), height_(std::max(height, 0)) {
-    sums_.assign(size_t(width_) * size_t(height_) * size_t(layout_.stride), 0.0f);
-    samples_.assign(size_t(width_) * size_t(height_), 0);
+Film::Film(const FilmLayout& layout, int width, int height, bool halves) : layout_(layout), width_(std::max(width, 0)), height_(std::max(height, 0)) {
+    const size_t pixels = size_t(width_) * size_t(height_);
+    sums_.assign(pixels * size_t(layout_.stride), 0.0f);
+    samples_.assign(pixels, 0);
+    if (halves) second_half_.assign(pixels * 3, 0.0f);
 }
 
-void Film::merge(const TileFilm& tile, int x, int y, int samples) {
-    // Channels that keep one sample's value are restored after the plain sum of the whole row.
+void Film::merge(const TileFilm& tile, std::span<const PackedPixel> pixels, int samples) {
+    // Channels that keep one sample's value are restored after the plain sum of the pixel.
     struct Single {
         int offset, channels;
     };
@@ -123,17 +135,15 @@ void Film::merge(const TileFilm& tile, int x, int y, int samples) {
     for (int k = 0; k < kPassCount; ++k) {
         if (layout_.offset[k] >= 0 && is_single_sample(PassKind(k))) singles[single_count++] = {layout_.offset[k], pass_channels(PassKind(k))};
     }
-    const int x0 = std::max(x, 0), x1 = std::min(x + tile.width(), width_);
-    const int y0 = std::max(y, 0), y1 = std::min(y + tile.height(), height_);
-    if (x0 >= x1) return;
-    const size_t stride = size_t(layout_.stride);
+    const size_t stride = size_t(layout_.stride), count = pixels.size();
+    const int combined = layout_.offset[int(PassKind::Combined)];
 
     std::lock_guard lock(mutex_);
-    for (int row = y0; row < y1; ++row) {
-        const float* from = tile.pixels() + (size_t(row - y) * size_t(tile.width()) + size_t(x0 - x)) * stride;
-        const size_t first = size_t(row) * size_t(width_) + size_t(x0);
-        float* to = sums_.data() + first * stride;
-        for (int column = 0; column < x1 - x0; ++column, from += stride, to += stride) {
+    for (size_t i = 0; i < count; ++i) {
+        const size_t place = place_of(pixels[i]);
+        float* to = sums_.data() + place * stride;
+        for (size_t plane = 0; plane < size_t(tile.planes()); ++plane) {
+            const float* from = tile.pixels() + (plane * count + i) * stride;
             float kept[kPassCount][4];
             for (int s = 0; s < single_count; ++s) {
                 const int weight = singles[s].offset + singles[s].channels;
@@ -142,9 +152,19 @@ void Film::merge(const TileFilm& tile, int x, int y, int samples) {
             }
             for (size_t f = 0; f < stride; ++f) to[f] += from[f];
             for (int s = 0; s < single_count; ++s) std::copy_n(kept[s], singles[s].channels + 1, to + singles[s].offset);
+            if (plane == 1)
+                for (size_t c = 0; c < 3; ++c) second_half_[place * 3 + c] += from[size_t(combined) + c];
         }
-        for (int column = 0; column < x1 - x0; ++column) samples_[first + size_t(column)] += samples;
+        samples_[place] += samples;
+        most_samples_ = std::max(most_samples_, samples_[place]);
     }
+}
+
+Film::HalfSums Film::half_sums(PackedPixel pixel) const {
+    const size_t place = place_of(pixel);
+    const float* all = sums_.data() + place * size_t(layout_.stride) + layout_.offset[int(PassKind::Combined)];
+    const float* second = second_half_.data() + place * 3;
+    return {{all[0], all[1], all[2]}, {second[0], second[1], second[2]}, samples_[place]};
 }
 
 void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<float> out) const {
@@ -174,7 +194,7 @@ void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<flo
     if (offset < 0) {
         std::fill_n(out.data(), size_t(height_) * width * channels, empty);
     } else if (kind == PassKind::SampleCount) {
-        const float scale = 1.0f / float(std::max(settings.samples, 1));
+        const float scale = 1.0f / float(std::max(most_samples_, 1));
         each_pixel([&](const float*, float inverse_samples, float* result) { result[0] = scale / inverse_samples; });
     } else if (is_single_sample(kind)) {
         each_pixel([&](const float* pixel, float, float* result) {
@@ -207,11 +227,13 @@ int Film::samples_at(int x, int y) const {
 void Film::clear() {
     std::lock_guard lock(mutex_);
     std::fill(sums_.begin(), sums_.end(), 0.0f);
+    std::fill(second_half_.begin(), second_half_.end(), 0.0f);
     std::fill(samples_.begin(), samples_.end(), 0);
+    most_samples_ = 0;
 }
 
 size_t Film::bytes() const {
-    return sums_.capacity() * sizeof(float) + samples_.capacity() * sizeof(int32_t);
+    return (sums_.capacity() + second_half_.capacity()) * sizeof(float) + samples_.capacity() * sizeof(int32_t);
 }
 
 }  // namespace talbot::film

@@ -1,13 +1,14 @@
 /// The film: passes as sums over samples. Stages know one door, `add`; which passes a contribution feeds is data.
 ///
-/// A worker accumulates into a `TileFilm` of its own (sums of one tile over one sample range) and merges it into the
-/// `Film` in a fixed order, so sums do not depend on the number of threads.
+/// A worker accumulates into a `TileFilm` of its own (sums of a list of pixels over one sample range) and merges it into
+/// the `Film`; the lists of a sample range share no pixel, so sums do not depend on the number of threads.
 ///
 /// Within a pixel each pass owns its channels as floats. What they hold:
 ///   Combined                          sums of r, g, b and of transparency (alpha = 1 - mean transparency)
 ///   light, emission, colour, normal,
 ///   UV and denoising passes           sums over samples; `resolve` divides by the sample count
 ///   Mist                              sum of (1 - mist) * weight
+///   SampleCount                       nothing: it is a pixel's samples over those of the pixel that took most
 ///   Depth, Position, ObjectIndex,
 ///   MaterialIndex                     one sample's value and, one float more, its weight: nothing to average there
 #pragma once
@@ -54,7 +55,27 @@ enum class Category : uint8_t {
     Indirect,     ///< more than one
 };
 
-/// n contributions. `pixel` indexes the tile (row-major, bottom row first).
+/// A pixel's place in a film: x in the low 16 bits, y in the high ones, from the bottom left.
+using PackedPixel = uint32_t;
+TALBOT_INLINE PackedPixel pack_pixel(int x, int y) {
+    return uint32_t(x) | uint32_t(y) << 16;
+}
+TALBOT_INLINE int pixel_x(PackedPixel p) {
+    return int(p & 0xffffu);
+}
+TALBOT_INLINE int pixel_y(PackedPixel p) {
+    return int(p >> 16);
+}
+/// All pixels of a film, square tiles of this side one after another: neighbours in the list are neighbours in the picture.
+std::vector<PackedPixel> list_pixels(int width, int height, int side);
+
+/// Which half of a render's samples its n-th belongs to (0 or 1). Both halves of the first 4 k samples are equally large and as evenly spread as the whole
+/// [Christensen, Kensler, Kilpatrick 2018, "Progressive Multi-Jittered Sample Sequences", section 10.2.1], so that their difference tells the error.
+TALBOT_INLINE int sample_half(uint32_t n) {
+    return __builtin_parity(n & 0xaaaaaaaau);
+}
+
+/// n contributions. `pixel` indexes the tile: a place in its list of pixels, plus the list's length in the second half's plane.
 struct Contributions {
     const int32_t* pixel = nullptr;
     ConstColumns3 rgb;              ///< radiance times throughput, clamped already
@@ -62,19 +83,19 @@ struct Contributions {
     int n = 0;
 };
 
-/// Sums of one tile. The layout must outlive it.
+/// Sums of a list of pixels, in one plane or in two: one for each half of the samples. The layout must outlive it.
 class TileFilm {
 public:
-    void reset(const FilmLayout& layout, int width, int height);
+    void reset(const FilmLayout& layout, int pixel_count, int planes = 1);
     TALBOT_MEMBER const FilmLayout& layout() const { return *layout_; }
     TALBOT_MEMBER float* pixels() { return pixels_; }
     TALBOT_MEMBER const float* pixels() const { return pixels_; }
-    int width() const { return width_; }
-    int height() const { return height_; }
+    int pixel_count() const { return pixel_count_; }
+    int planes() const { return planes_; }
 
 private:
     const FilmLayout* layout_ = nullptr;
-    int width_ = 0, height_ = 0;
+    int pixel_count_ = 0, planes_ = 1;
     float* pixels_ = nullptr;  ///< sums_.data(): kernels touch no containers
     std::vector<float> sums_;
 };
@@ -82,24 +103,35 @@ private:
 /// The frame (or its crop). Row-major, bottom row first.
 class Film {
 public:
-    Film(const FilmLayout& layout, int width, int height);
+    /// `halves`: keeps what `half_sums` needs. The layout has to hold Combined then, and tiles two planes.
+    Film(const FilmLayout& layout, int width, int height, bool halves = false);
     const FilmLayout& layout() const { return layout_; }
     int width() const { return width_; }
     int height() const { return height_; }
-    /// Adds a tile's sums at (x, y) and `samples` to its pixels' counts. Thread-safe. What lies outside the film is dropped.
-    void merge(const TileFilm& tile, int x, int y, int samples);
+    bool halves() const { return !second_half_.empty(); }
+    /// Adds a tile's sums to its pixels, which lie in the film, and `samples` to their counts. Thread-safe.
+    void merge(const TileFilm& tile, std::span<const PackedPixel> pixels, int samples);
     /// Mean of a pass as it goes to Blender: exposure applied where it belongs, light passes divided by colour, alpha composed, depth 1e10 where empty.
     /// out: width*height*pass_channels(kind). Thread-safe, any time.
     void resolve(scene::PassKind kind, const scene::Settings& settings, std::span<float> out) const;
     int samples_at(int x, int y) const;
+    /// Red, green and blue of a pixel's sums over all samples and over those of the second half, and its samples. Not while workers merge.
+    struct HalfSums {
+        float all[3], second[3];
+        int samples;
+    };
+    HalfSums half_sums(PackedPixel pixel) const;
     void clear();
     size_t bytes() const;
 
 private:
+    size_t place_of(PackedPixel p) const { return size_t(pixel_y(p)) * size_t(width_) + size_t(pixel_x(p)); }
     FilmLayout layout_;
     int width_ = 0, height_ = 0;
     std::vector<float> sums_;
+    std::vector<float> second_half_;  ///< Combined's red, green and blue over the second half of the samples; or empty
     std::vector<int32_t> samples_;
+    int most_samples_ = 0;  ///< in any pixel
     mutable std::mutex mutex_;
 };
 

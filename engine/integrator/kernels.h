@@ -48,11 +48,13 @@ struct RenderContext {
 /// Object mask bits beyond scene::Visibility, set after compiling: which shadow casters may let light through.
 inline constexpr uint32_t kShadowTransparent = 64;
 
-/// A tile of the rendered area and a range of samples. One worker renders it alone.
+/// Pixels and a range of their samples. One worker renders it alone.
 struct RenderUnit {
-    int x = 0, y = 0, width = 0, height = 0;  ///< pixels of the crop, from its bottom left
+    const film::PackedPixel* pixels = nullptr;  ///< of the film, which is the crop
+    int pixel_count = 0;
     int sample_begin = 0, sample_end = 0;
-    int pixel_size = 1;  ///< coarse preview: tile pixels are blocks of this many frame pixels a side
+    int pixel_size = 1;   ///< coarse preview: film pixels are blocks of this many frame pixels a side
+    bool halves = false;  ///< the tile has two planes, one for each half of the samples
 };
 
 struct KernelTable {

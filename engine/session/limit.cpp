@@ -70,16 +70,15 @@ std::array<double, kKinds> replay(const geometry::Accelerator& accelerator, Reco
 /// Seconds for all tiles and samples.
 double render_all(Session::State& s, const integrator::RenderContext& context, int samples) {
     const integrator::KernelTable& kernels = integrator::kernels_for(s.statistics.instruction_set);
-    constexpr int side = 64;
+    constexpr size_t side = 64;
+    const std::vector<film::PackedPixel> all = film::list_pixels(s.width, s.height, int(side));
     film::TileFilm tile;
     const double begin = cpu_seconds();
-    for (int y = 0; y < s.height; y += side) {
-        for (int x = 0; x < s.width; x += side) {
-            integrator::RenderUnit unit{x, y, std::min(side, s.width - x), std::min(side, s.height - y), 0, samples};
-            tile.reset(s.film->layout(), unit.width, unit.height);
-            kernels.render_unit(context, unit, *s.data.workers[0], tile);
-            s.film->merge(tile, x, y, samples);
-        }
+    for (size_t first = 0; first < all.size(); first += side * side) {
+        const std::span pixels = std::span(all).subspan(first, std::min(side * side, all.size() - first));
+        tile.reset(s.film->layout(), int(pixels.size()));
+        kernels.render_unit(context, {pixels.data(), int(pixels.size()), 0, samples}, *s.data.workers[0], tile);
+        s.film->merge(tile, pixels, samples);
     }
     return cpu_seconds() - begin;
 }
@@ -92,6 +91,7 @@ TracingLimit measure_tracing_limit(const scene::Scene& scene, int samples) {
     s.scene = scene;
     s.scene.settings.threads = 1;
     s.scene.settings.viewport = false;
+    s.scene.settings.adaptive = false;
     s.scene.dirty = scene::kDirtyAll;
     update_render_data(s);
     integrator::RenderContext context = make_context(s, s.film->layout());

@@ -69,8 +69,9 @@ void make_film(Session::State& s) {
     const scene::Settings& settings = s.scene.settings;
     const int width = settings.crop_width > 0 ? settings.crop_width : settings.width;
     const int height = settings.crop_width > 0 ? settings.crop_height : settings.height;
-    const film::FilmLayout layout = film::make_layout(s.scene.passes);
-    auto film = std::make_unique<film::Film>(layout, width, height);
+    std::vector<scene::PassKind> passes = s.scene.passes;
+    if (settings.adaptive) passes.push_back(scene::PassKind::Combined);  // whose noise decides
+    auto film = std::make_unique<film::Film>(film::make_layout(passes), width, height, settings.adaptive);
     std::lock_guard lock(s.mutex);
     s.film = std::move(film);
     s.coarse.reset();
@@ -97,7 +98,6 @@ void update_render_data(Session::State& s) {
         s.statistics.*field += seconds_since(t);
     };
     check_settings(scene.settings);
-    if (scene.settings.adaptive) s.report.info("Adaptive sampling is not supported yet: every pixel takes all samples");
     const auto begin = Clock::now();
     {
         std::lock_guard lock(s.mutex);

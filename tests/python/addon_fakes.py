@@ -35,6 +35,8 @@ class FakeSession:
     lines: list[tuple[str, str, str, int]] = []
     made: list[FakeSession] = []
     steps = 1
+    paths = -1
+    """Camera paths traced; -1: three through each pixel."""
 
     def __init__(self) -> None:
         self.pass_names: list[str] = []
@@ -79,6 +81,7 @@ class FakeSession:
             "camera_rays": 1000,
             "bounce_rays": 3000,
             "shadow_rays": 2000,
+            "paths": self.paths if self.paths >= 0 else 3 * self.width * self.height,
             "render_seconds": 0.5,
             "update_seconds": 0.1,
         }

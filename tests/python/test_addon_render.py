@@ -112,6 +112,13 @@ def test_warnings_are_listed_and_the_file_is_written(scene: bpy.types.Scene, cap
     assert "built in 2 s" not in captured.out + captured.err
 
 
+def test_summary_tells_the_mean_of_unequal_samples(scene: bpy.types.Scene) -> None:
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 20, 10, 100
+    with fake_engine(paths=300):
+        render_file(scene)
+    assert "1.5 of 3 samples a pixel in 0.50 s" in last_lines(scene, "info")[0]
+
+
 def test_many_warnings_are_summed_up(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
     lines = [("warning", f"warning number {n}", "", 1) for n in range(100)]
     with fake_engine(lines=lines):

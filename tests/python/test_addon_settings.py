@@ -186,8 +186,23 @@ def test_sample_subset(scene: bpy.types.Scene) -> None:
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_subset_length = 20
     assert (engine(scene)["first_sample"], engine(scene)["samples"]) == (30, 20)
+    assert engine(scene)["adaptive_threshold"] == pytest.approx(0.01 * 0.2**0.5)
+    scene.cycles.adaptive_threshold = 0.0
+    assert engine(scene)["adaptive_threshold"] == pytest.approx(0.01 * 0.2**0.5)  # of the whole picture: 1 / 100
     scene.cycles.sample_subset_length = 2000
     assert engine(scene)["samples"] == 70
+
+
+def test_noise_threshold(scene: bpy.types.Scene) -> None:
+    scene.cycles.adaptive_threshold = 0.03
+    scene.cycles.adaptive_min_samples = 7
+    scene.cycles.preview_adaptive_threshold = 0.0
+    names = ("adaptive", "adaptive_threshold", "adaptive_min_samples")
+    assert [engine(scene)[name] for name in names] == [True, pytest.approx(0.03), 7]
+    assert [engine(scene, viewport=True)[name] for name in names] == [True, 0.0, 0]
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.use_preview_adaptive_sampling = False
+    assert not engine(scene)["adaptive"] and not engine(scene, viewport=True)["adaptive"]
 
 
 def test_animated_seed(scene: bpy.types.Scene) -> None:

@@ -217,23 +217,24 @@ void sample_film(const RenderContext& context, const RenderUnit& unit, const New
 /// Takes free lanes for the next paths of the unit.
 int take_lanes(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, const NewPaths& paths) {
     const scene::Settings& settings = *context.settings;
-    const int64_t pixels = int64_t(unit.width) * unit.height;
+    const int64_t pixels = unit.pixel_count;
     const int64_t left = pixels * (unit.sample_end - unit.sample_begin) - cursor;
     int n = worker.free_count < kSpan ? worker.free_count : kSpan;
     if (left < n) n = int(left);
     int32_t pixel = int32_t(cursor % pixels);
-    uint32_t sample = uint32_t(unit.sample_begin + settings.first_sample) + uint32_t(cursor / pixels);
-    int x = pixel % unit.width, y = pixel / unit.width;
+    uint32_t number = uint32_t(unit.sample_begin) + uint32_t(cursor / pixels);
+    const auto plane_of = [&](uint32_t n) { return unit.halves && film::sample_half(n) ? unit.pixel_count : 0; };
+    int32_t plane = plane_of(number);
     for (int i = 0; i < n; ++i) {
+        const film::PackedPixel place = unit.pixels[pixel];
         paths.lane[i] = worker.free_lanes[--worker.free_count];
-        paths.pixel[i] = pixel;
-        paths.sample[i] = sample;
-        paths.px[i] = settings.crop_x + (unit.x + x) * unit.pixel_size;
-        paths.py[i] = settings.crop_y + (unit.y + y) * unit.pixel_size;
-        ++pixel;
-        if (++x == unit.width) {
-            x = 0;
-            if (++y == unit.height) y = pixel = 0, ++sample;
+        paths.pixel[i] = plane + pixel;
+        paths.sample[i] = uint32_t(settings.first_sample) + number;
+        paths.px[i] = settings.crop_x + film::pixel_x(place) * unit.pixel_size;
+        paths.py[i] = settings.crop_y + film::pixel_y(place) * unit.pixel_size;
+        if (++pixel == unit.pixel_count) {
+            pixel = 0;
+            plane = plane_of(++number);
         }
     }
     cursor += n;

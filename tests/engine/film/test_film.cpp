@@ -69,7 +69,7 @@ TEST(Film, LightPassesTimesColourAddUpToCombined) {
                                PassKind::TransmissionDirect, PassKind::TransmissionIndirect, PassKind::Emission,        PassKind::Environment};
     const FilmLayout layout = make_layout(wanted);
     TileFilm tile;
-    tile.reset(layout, 2, 1);
+    tile.reset(layout, 2);
     const Rows diffuse({{0.5f, 0.25f, 0}, {0, 0, 0}}), glossy({{0.25f, 0.25f, 1}, {0, 0, 0}});
     add_rgb(tile, Category::Direct, {0, 1}, Rows({{4, 8, 2}, {1, 2, 3}}), &diffuse, &glossy);
     add_rgb(tile, Category::Indirect, {0, 0}, Rows({{2, 2, 2}, {1, 1, 1}}), &diffuse, &glossy);
@@ -81,7 +81,7 @@ TEST(Film, LightPassesTimesColourAddUpToCombined) {
     const float* columns[3] = {colour.r.data(), colour.g.data(), colour.b.data()};
     add_data(tile, PassKind::DiffuseColor, &pixel, columns, &weight, 1);
     Film film(layout, 2, 1);
-    film.merge(tile, 0, 0, 2);
+    film.merge(tile, list_pixels(2, 1, 8), 2);
 
     scene::Settings settings;
     settings.film_exposure = 3;
@@ -110,7 +110,7 @@ TEST(Film, NonFiniteContributionsAreDropped) {
     const PassKind wanted[] = {PassKind::Combined, PassKind::DiffuseDirect, PassKind::Normal, PassKind::Depth};
     const FilmLayout layout = make_layout(wanted);
     TileFilm tile;
-    tile.reset(layout, 1, 1);
+    tile.reset(layout, 1);
     const Rows share({{1, 1, 1}, {1, 1, 1}, {kNan, 0, 0}});
     add_rgb(tile, Category::Direct, {0, 0, 0}, Rows({{1, kNan, 1}, {kInf, 1, 1}, {1, 2, 3}}), &share, &share);
     add_rgb(tile, Category::Emission, {0, 0}, Rows({{-kInf, 0, 0}, {1, 1, 1}}));
@@ -123,7 +123,7 @@ TEST(Film, NonFiniteContributionsAreDropped) {
     add_data(tile, PassKind::Normal, &pixel, columns, one, 1);
     add_scalar(tile, PassKind::Depth, {0}, {kInf}, {1});
     Film film(layout, 1, 1);
-    film.merge(tile, 0, 0, 1);
+    film.merge(tile, list_pixels(1, 1, 8), 1);
     EXPECT_EQ(resolved(film, PassKind::Combined), (std::vector<float>{2, 3, 4, 0.75f}));
     EXPECT_EQ(resolved(film, PassKind::DiffuseDirect), (std::vector<float>{0, 0, 0}));
     EXPECT_EQ(resolved(film, PassKind::Normal), (std::vector<float>{0, 0, 0}));
@@ -135,15 +135,15 @@ TEST(Film, DepthIsOneSamplesValue) {
     const FilmLayout layout = make_layout(wanted);
     Film film(layout, 3, 1);
     TileFilm tile;
-    tile.reset(layout, 3, 1);
+    tile.reset(layout, 3);
     // Pixel 0: a veil, then the wall behind it, then a second sample. Pixel 1: hit in a later range only. Pixel 2: nothing.
     add_scalar(tile, PassKind::Depth, {0, 0, 0}, {2, 5, 7}, {0.25f, 0.75f, 1});
     add_scalar(tile, PassKind::Mist, {0, 0}, {0.2f, 0.6f}, {0.25f, 0.75f});
-    film.merge(tile, 0, 0, 1);
-    tile.reset(layout, 3, 1);
+    film.merge(tile, list_pixels(3, 1, 8), 1);
+    tile.reset(layout, 3);
     add_scalar(tile, PassKind::Depth, {0, 1}, {9, 3}, {1, 1});
     add_scalar(tile, PassKind::ObjectIndex, {1}, {42}, {1});
-    film.merge(tile, 0, 0, 1);
+    film.merge(tile, list_pixels(3, 1, 8), 1);
     EXPECT_EQ(resolved(film, PassKind::Depth), (std::vector<float>{5, 3, 1e10f}));
     EXPECT_EQ(resolved(film, PassKind::ObjectIndex), (std::vector<float>{0, 42, 0}));
     EXPECT_EQ(resolved(film, PassKind::Position), std::vector<float>(9, 0.0f));
@@ -152,31 +152,40 @@ TEST(Film, DepthIsOneSamplesValue) {
     EXPECT_EQ(mist[2], 1);
 }
 
-TEST(Film, TilesLandWhereTheyBelongAndAreClipped) {
+TEST(Film, PixelsLandWhereTheyBelong) {
     const PassKind wanted[] = {PassKind::Combined, PassKind::SampleCount};
     const FilmLayout layout = make_layout(wanted);
     Film film(layout, 5, 4);
     TileFilm tile;
-    tile.reset(layout, 3, 2);
-    for (int i = 0; i < 6; ++i) add_rgb(tile, Category::Emission, {i}, Rows({{float(i + 1), 0, 0}}));
-    film.merge(tile, 1, 1, 1);
-    film.merge(tile, 3, 3, 1);
-    film.merge(tile, -2, -1, 1);
-    film.merge(tile, 50, 0, 1);
-    const float expected[4][5] = {{6, 0, 0, 0, 0}, {0, 1, 2, 3, 0}, {0, 4, 5, 6, 0}, {0, 0, 0, 1, 2}};
+    tile.reset(layout, 4);
+    for (int i = 0; i < 4; ++i) add_rgb(tile, Category::Emission, {i}, Rows({{float(i + 1), 0, 0}}));
+    const PackedPixel pixels[] = {pack_pixel(4, 3), pack_pixel(0, 0), pack_pixel(2, 1), pack_pixel(1, 3)};
+    film.merge(tile, pixels, 1);
+    const float expected[4][5] = {{2, 0, 0, 0, 0}, {0, 0, 3, 0, 0}, {0, 0, 0, 0, 0}, {0, 4, 0, 0, 1}};
     const auto combined = resolved(film, PassKind::Combined);
     for (int y = 0; y < 4; ++y)
         for (int x = 0; x < 5; ++x) EXPECT_EQ(combined[size_t((y * 5 + x) * 4)], expected[y][x]) << x << " " << y;
     EXPECT_EQ(film.samples_at(0, 0), 1);
     EXPECT_EQ(film.samples_at(1, 0), 0);
     EXPECT_EQ(film.samples_at(-1, 9), 0);
-    scene::Settings settings;
-    settings.samples = 4;
-    EXPECT_FLOAT_EQ(resolved(film, PassKind::SampleCount, settings)[0], 0.25f);
+    film.merge(tile, std::span(pixels).first(1), 3);
+    EXPECT_FLOAT_EQ(resolved(film, PassKind::SampleCount)[0], 0.25f);
+    EXPECT_FLOAT_EQ(resolved(film, PassKind::SampleCount)[19], 1);
     EXPECT_EQ(combined[3 + 4], 0);  // no sample yet: transparent black
     film.clear();
     EXPECT_EQ(film.samples_at(0, 0), 0);
     EXPECT_EQ(resolved(film, PassKind::Combined), std::vector<float>(80, 0.0f));
+}
+
+TEST(Film, ListsHoldEachPixelOnceTileByTile) {
+    const std::vector<PackedPixel> list = list_pixels(5, 3, 2);
+    const int expected[][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}, {2, 0}, {3, 0}, {2, 1}, {3, 1}, {4, 0}, {4, 1}, {0, 2}, {1, 2}, {2, 2}, {3, 2}, {4, 2}};
+    ASSERT_EQ(list.size(), std::size(expected));
+    for (size_t i = 0; i < list.size(); ++i) EXPECT_EQ(list[i], pack_pixel(expected[i][0], expected[i][1])) << i;
+    const PackedPixel corner = pack_pixel(65535, 65535);
+    EXPECT_EQ(pixel_x(corner), 65535);
+    EXPECT_EQ(pixel_y(corner), 65535);
+    EXPECT_TRUE(list_pixels(0, 7, 16).empty());
 }
 
 TEST(Film, EmptyFilmAndShortBuffer) {
@@ -197,9 +206,11 @@ TEST(Film, ResolveWhileWorkersMerge) {
     constexpr int kRounds = 50;
     const auto work = [&](int y) {
         TileFilm tile;
-        tile.reset(layout, 64, 32);
+        tile.reset(layout, 64 * 32);
+        std::vector<PackedPixel> pixels = list_pixels(64, 32, 64);
+        for (PackedPixel& p : pixels) p += pack_pixel(0, y);
         for (int i = 0; i < 64 * 32; ++i) add_rgb(tile, Category::Emission, {i}, Rows({{1, 2, 3}}));
-        for (int round = 0; round < kRounds; ++round) film.merge(tile, 0, y, 1);
+        for (int round = 0; round < kRounds; ++round) film.merge(tile, pixels, 1);
     };
     std::thread a(work, 0), b(work, 32);
     for (int round = 0; round < 20; ++round) {

@@ -91,6 +91,9 @@ TEST_F(Cli, RendersADumpedScene) {
         EXPECT_FLOAT_EQ(rgb[1], 1.0f);
         EXPECT_FLOAT_EQ(rgb[2], 1.5f);
     }
+    const Outcome quiet = run("world.talbot --samples 1000 --noise 0.1 --stats"), all = run("world.talbot --samples 1000 --noise off --stats");
+    EXPECT_NE(quiet.text.find("paths            0.005 M"), std::string::npos) << quiet.text;
+    EXPECT_NE(all.text.find("paths            0.096 M"), std::string::npos) << all.text;
     const Outcome png = run("world.talbot -o p.png");
     EXPECT_EQ(png.status, 0) << png.text;
     EXPECT_GT(std::filesystem::file_size(folder_ / "p.png"), 60u);
@@ -102,6 +105,7 @@ TEST_F(Cli, SaysWhatIsWrong) {
     EXPECT_EQ(run("a --samples none").status, 2);
     EXPECT_EQ(run("a --size 5").status, 2);
     EXPECT_EQ(run("a --colour red").status, 2);
+    for (const char* noise : {"much", "-1", "nan"}) EXPECT_EQ(run(std::string("a --noise ") + noise).status, 2) << noise;
     EXPECT_EQ(run("--help").status, 0);
     const Outcome missing = run("nothing.talbot");
     EXPECT_EQ(missing.status, 1);
