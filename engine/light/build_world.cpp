@@ -23,6 +23,39 @@ int automatic_width(const scene::Scene& scene, const shader::ShaderContext& cont
     return std::min(width, 2048);
 }
 
+/// A direction next to the disc for one inside it: the map holds the sky without its sun.
+Vec3 beside_sun(const WorldMap& map, Vec3 d) {
+    const Vec3 chord = d - map.sun;
+    // A little more than the disc: its edge is not sharp in a map.
+    const float reach = 1.1f * std::sqrt(2 * map.sun_one_minus_cos);
+    if (map.sun_one_minus_cos >= 1 || dot(chord, chord) > reach * reach) return d;
+    const float a = dot(chord, map.sun_x), b = dot(chord, map.sun_y), length = std::sqrt(a * a + b * b);
+    const Vec3 outward = length > 0 ? map.sun_x * (a / length) + map.sun_y * (b / length) : map.sun_x;
+    const Vec3 moved = map.sun + outward * (1.02f * reach);
+    return moved * (1 / std::sqrt(dot(moved, moved)));
+}
+
+/// Mean luminance (mean of channels) over the sun's disc.
+float disc_mean(const shader::Programs& programs, const shader::ShaderContext& context, scene::Handle handle, const WorldMap& map) {
+    constexpr int kRings = 8, kSpokes = 8, kCount = kRings * kSpokes;
+    std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
+    std::vector<float> buffer(size_t(6 * kSpan));
+    LightScratch scratch;
+    scratch.registers = registers.data();
+    scratch.columns = columns.data();
+    float* b = buffer.data();
+    const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+    for (int i = 0; i < kCount; ++i) {
+        const float drop = (float(i / kSpokes) + 0.5f) / kRings * map.sun_one_minus_cos, radius = std::sqrt(drop * (2 - drop));
+        const float angle = float(2 * M_PI) * (float(i % kSpokes) + 0.5f) / kSpokes;
+        store(direction, i, map.sun * (1 - drop) + map.sun_x * (radius * std::cos(angle)) + map.sun_y * (radius * std::sin(angle)));
+    }
+    evaluate_background(programs, context, scratch, handle, direction, nullptr, kCount, radiance);
+    double sum = 0;
+    for (int i = 0; i < kCount; ++i) sum += double(maxf(mean(load(radiance, i)), 0.0f));
+    return float(sum / kCount);
+}
+
 }  // namespace
 
 float make_world_map(const std::vector<float>& fine, int width, int height, EmitterTable& table) {
@@ -122,6 +155,12 @@ float add_world(const scene::Scene& scene, const shader::Programs& programs, con
     table.view.world_shader = handle;
     if (!scene.world.use_importance_map || !scene.world.sample_as_light) return 0;
 
+    WorldMap& map = table.view.world;
+    if (compiled.sun.half_angle > 0) {
+        map.sun = compiled.sun.direction;
+        make_basis(map.sun, map.sun_x, map.sun_y);
+        map.sun_one_minus_cos = float(2 * std::pow(std::sin(0.5 * double(compiled.sun.half_angle)), 2));
+    }
     // Luminance at twice the map's resolution.
     const int asked = scene.world.map_resolution > 0 ? scene.world.map_resolution : automatic_width(scene, context);
     const int width = std::clamp(asked, 8, 4096) & ~1, height = width / 2;
@@ -140,14 +179,20 @@ float add_world(const scene::Scene& scene, const shader::Programs& programs, con
             for (int x0 = 0; x0 < fine_width; x0 += kSpan) {
                 const int n = std::min(kSpan, fine_width - x0);
                 const float v = (float(row) + 0.5f) / float(fine_height);
-                for (int i = 0; i < n; ++i) store(direction, i, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v));
+                for (int i = 0; i < n; ++i) store(direction, i, beside_sun(map, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v)));
                 evaluate_background(programs, context, scratch, handle, direction, nullptr, n, radiance);
                 for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
             }
         }
     });
 
-    return make_world_map(fine, width, height, table);
+    const float sky = make_world_map(fine, width, height, table);
+    if (compiled.sun.half_angle <= 0 || sky <= 0) return sky;
+    // The disc's part of all light; the rest of its radiance is the sky's that the map knows.
+    const float sun = 0.5f * disc_mean(programs, context, handle, map) * map.sun_one_minus_cos;
+    const float share = sun / (sun + sky);
+    map.sun_share = share < 0.01f ? 0.0f : std::min(share, 0.9f);
+    return sky + sun;
 }
 
 }  // namespace talbot::light

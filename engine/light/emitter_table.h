@@ -143,6 +143,10 @@ struct WorldMap {
     const float* columns = nullptr;  ///< height * (width + 1): running share within each row
     const float* density = nullptr;  ///< height * width: density per unit (u, v)
     float probability = 0;           ///< of choosing the world in the distant stratum; 0: not sampled
+    // A bright disc in the sky, finer than the map's cells.
+    Vec3 sun, sun_x{1, 0, 0}, sun_y{0, 1, 0};  ///< towards its middle; orthonormal
+    float sun_one_minus_cos = 1;
+    float sun_share = 0;  ///< of the world's samples; 0: no disc
 };
 
 /// What kernels read.

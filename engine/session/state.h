@@ -24,6 +24,7 @@ inline double seconds_since(Clock::time_point t) {
 struct RenderData {
     scene::SceneTables tables;
     shader::Programs programs;
+    shader::SkyCache skies;
     asset::TextureStore textures;
     geometry::Accelerator accelerator;
     light::EmitterTablePtr emitters;

@@ -110,7 +110,7 @@ void update_render_data(Session::State& s) {
     if (images) timed("Loading images", &Statistics::textures_seconds, [&] { data.textures.update(scene, s.report, &s.cancel); });
     if (shaders) {
         timed("Compiling shaders", &Statistics::compile_seconds, [&] {
-            data.programs = shader::compile_shaders(scene, data.tables, s.report);
+            data.programs = shader::compile_shaders(scene, data.tables, s.report, &data.skies);
             order_shaders(data);
         });
     }

@@ -24,5 +24,6 @@ std::span<const CatalogueEntry> color_nodes();    ///< compile_color.cpp
 std::span<const CatalogueEntry> vector_nodes();   ///< compile_vectors.cpp
 std::span<const CatalogueEntry> texture_nodes();  ///< compile_textures.cpp
 std::span<const CatalogueEntry> image_nodes();    ///< compile_images.cpp
+std::span<const CatalogueEntry> sky_nodes();      ///< compile_sky.cpp
 
 }  // namespace talbot::shader

@@ -140,7 +140,7 @@ void compile_blackbody(NodeContext& n) {
 
 void compile_wavelength(NodeContext& n) {
     const Value x = n.value("Wavelength", 500);
-    n.set_color("Color", lookup(n.e, wavelength_table(), x, 375.0f, 785.0f));
+    n.set_color("Color", lookup(n.e, wavelength_table(n.semantics.rec709), x, 375.0f, 785.0f));
 }
 
 constexpr CatalogueEntry kEntries[] = {

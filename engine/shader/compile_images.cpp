@@ -1,4 +1,4 @@
-// Image and Environment Texture, Sky Texture.
+// Image and Environment Texture.
 #include <cmath>
 
 #include "shader/catalogue.h"
@@ -92,21 +92,6 @@ void compile_environment(NodeContext& n) {
     n.set_color("Color", lookup(n, u, e.after(u, 1), 0).rgb);
 }
 
-void compile_sky(NodeContext& n) {
-    // A plain clear-sky gradient of about the right brightness, until the real models are here.
-    Expressions& e = n.e;
-    n.warn("Sky Texture '" + n.text("sky_type") + "' is not supported yet: a plain gradient without sun is used");
-    const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : n.generated());
-    const float sun = std::sin(float(n.number("sun_elevation", 0.26)));
-    // Mean brightness of each model's sky at default settings, measured in Cycles.
-    const std::string model = n.text("sky_type");
-    const float level = model == "HOSEK_WILKIE" ? 0.3f : model == "PREETHAM" ? 2.5f : 8.0f * clampf(0.1f + sun, 0.02f, 1.0f);
-    const Value up = e.sqrt(e.max(d.z, 0.0f));
-    const Value3 sky = e.lerp(e.constant3(0.75f * level, 0.85f * level, 0.95f * level), e.constant3(0.12f * level, 0.25f * level, 0.6f * level), up);
-    const Value below = e.saturate(e.mul(d.z, -4.0f));
-    n.set_color("Color", e.lerp(sky, e.constant3(0.1f * level, 0.1f * level, 0.1f * level), below));
-}
-
 void compile_ies(NodeContext& n) {
     n.warn("IES Texture is not supported yet: the lamp shines evenly");
     n.set("Fac", n.value("Strength", 1));
@@ -115,7 +100,6 @@ void compile_ies(NodeContext& n) {
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeTexImage", compile_image},
     {"ShaderNodeTexEnvironment", compile_environment},
-    {"ShaderNodeTexSky", compile_sky},
     {"ShaderNodeTexIES", compile_ies},
 };
 

@@ -228,8 +228,7 @@ void compile_magic(NodeContext& n) {
     Expressions& e = n.e;
     const Value3 p = n.texture_vector();
     const int depth = int(clampf(float(n.number("turbulence_depth", 2)), 0, 10));
-    const Value3 c =
-        e.emit3(Op::Magic, uint8_t(depth), {p.x, p.y, p.z, n.value("Scale", 5), n.value("Distortion", 1)}, n.semantics.magic_wraps_before_scale ? 1 : 0);
+    const Value3 c = e.emit3(Op::Magic, uint8_t(depth), {p.x, p.y, p.z, n.value("Scale", 5), n.value("Distortion", 1)});
     n.set_color("Color", c);
     n.set("Fac", e.mul(e.add(e.add(c.x, c.y), c.z), 1.0f / 3.0f));
 }

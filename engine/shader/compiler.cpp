@@ -49,7 +49,8 @@ bool reads_only_normals(const Program& program) {
 
 class SceneCompiler {
 public:
-    SceneCompiler(const scene::Scene& scene, scene::SceneTables& tables, Report& report) : scene_(scene), tables_(tables), report_(report) {}
+    SceneCompiler(const scene::Scene& scene, scene::SceneTables& tables, Report& report, SkyCache& skies)
+        : scene_(scene), tables_(tables), report_(report), skies_(skies) {}
 
     Programs run() {
         for (const scene::Shader& shader : scene_.shaders) compile(shader);
@@ -65,7 +66,7 @@ public:
 private:
     void compile(const scene::Shader& shader) {
         Expressions expressions(programs_, table_index_);
-        const ShaderValues values = GraphCompiler(shader, scene_, tables_, expressions, report_).compile();
+        const ShaderValues values = GraphCompiler(shader, scene_, tables_, expressions, report_, skies_).compile();
         CompiledShader out;
         out.pass_index = shader.pass_index;
         out.sample_as_light = shader.sample_as_light;
@@ -73,6 +74,7 @@ private:
         out.emission_back = shader.emission_back;
         out.use_transparent_shadow = shader.use_transparent_shadow;
         out.has_bump = values.has_bump;
+        out.sun = values.sun;
         out.constants = int32_t(programs_.constants.size());
 
         ConstantTable constants;
@@ -119,6 +121,7 @@ private:
     const scene::Scene& scene_;
     scene::SceneTables& tables_;
     Report& report_;
+    SkyCache& skies_;
     Programs programs_;
     TableIndex table_index_;
     std::map<std::string, int> index_;
@@ -126,8 +129,9 @@ private:
 
 }  // namespace
 
-Programs compile_shaders(const scene::Scene& scene, scene::SceneTables& tables, Report& report) {
-    return SceneCompiler(scene, tables, report).run();
+Programs compile_shaders(const scene::Scene& scene, scene::SceneTables& tables, Report& report, SkyCache* skies) {
+    SkyCache own;
+    return SceneCompiler(scene, tables, report, skies ? *skies : own).run();
 }
 
 }  // namespace talbot::shader

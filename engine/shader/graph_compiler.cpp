@@ -36,8 +36,9 @@ bool has_shader_output(const scene::Node& node) {
 
 }  // namespace
 
-GraphCompiler::GraphCompiler(const scene::Shader& shader_, const scene::Scene& scene_, scene::SceneTables& tables_, Expressions& expressions, Report& report)
-    : shader(shader_), scene(scene_), tables(tables_), e(expressions), semantics(semantics_of(scene_.settings.version)), report_(report) {
+GraphCompiler::GraphCompiler(const scene::Shader& shader_, const scene::Scene& scene_, scene::SceneTables& tables_, Expressions& expressions, Report& report,
+                             SkyCache& skies_)
+    : shader(shader_), scene(scene_), tables(tables_), e(expressions), skies(skies_), semantics(semantics_of(scene_.settings.version)), report_(report) {
     shifts_.push_back({});
     for (const scene::Node& node : shader.graph.nodes)
         for (const scene::NodeInput& input : node.inputs)

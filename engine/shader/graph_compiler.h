@@ -12,6 +12,7 @@
 #include "scene/scene.h"
 #include "scene/view.h"
 #include "shader/node_context.h"
+#include "shader/sky.h"
 
 namespace talbot::shader {
 
@@ -30,6 +31,7 @@ struct ShaderValues {
     Value3 emission;      ///< not valid: none
     Value3 transparency;  ///< not valid: opaque
     bool has_bump = false;
+    SunDisc sun;
 };
 
 /// Coordinates of one shifted evaluation (Bump): world offset and the barycentrics there.
@@ -48,7 +50,8 @@ Value3 bend_normal(NodeContext& node, const BumpRequest& request);  ///< compile
 
 class GraphCompiler {
 public:
-    GraphCompiler(const scene::Shader& shader, const scene::Scene& scene, scene::SceneTables& tables, Expressions& expressions, Report& report);
+    GraphCompiler(const scene::Shader& shader, const scene::Scene& scene, scene::SceneTables& tables, Expressions& expressions, Report& report,
+                  SkyCache& skies);
     /// Compiles from the output node. Never throws for a bad graph.
     ShaderValues compile();
 
@@ -66,6 +69,7 @@ public:
     const scene::Scene& scene;
     scene::SceneTables& tables;
     Expressions& e;
+    SkyCache& skies;
     Semantics semantics;
     ShaderValues values;
     Value3 surface_normal;  ///< bent by displacement; not valid: the span's own

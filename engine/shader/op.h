@@ -47,10 +47,11 @@ enum class Op : uint16_t {
     Voronoi,      ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: 1 integer hash
     WhiteNoise,   ///< x, y, z, w -> value, r, g, b. variant: dimensions
     Wave,         ///< x, y, z (scaled), phase (distortion included) -> fac. variant: wave_variant
-    Magic,        ///< x, y, z, scale, distortion -> rgb. variant: depth; data: 1 wrap before scale
+    Magic,        ///< x, y, z, scale, distortion -> rgb. variant: depth
     Brick,        ///< x, y, z, scale, mortar size, mortar smooth, bias, width, height, offset, squash -> tint, mortar. data: frequencies (offset, squash)
     Checker,      ///< x, y, z (scaled) -> 0 or 1
     Gradient,     ///< x, y, z -> fac. variant: GradientKind
+    Grid,         ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
 
     // Surface
     Fresnel,  ///< cosine, eta -> reflectance

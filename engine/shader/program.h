@@ -40,6 +40,12 @@ struct Program {
 };
 inline constexpr uint16_t kNoRegister = 0xffff;
 
+/// A small bright disc in what a background shader emits: it deserves light samples of its own.
+struct SunDisc {
+    Vec3 direction{0, 0, 1};
+    float half_angle = 0;  ///< radians; 0: none
+};
+
 /// What a shader becomes: up to three programs that share nothing but constants, each holding only what its outputs need.
 struct CompiledShader {
     int surface = -1;       ///< index into Programs::programs: all closures
@@ -54,6 +60,7 @@ struct CompiledShader {
     bool depends_on_ray_flags = false;  ///< Light Path, Is Camera Ray ...: shadow and light evaluation differ from camera rays
     bool spatially_varying = false;
     bool has_bump = false;
+    SunDisc sun;
     int32_t pass_index = 0;
     bool sample_as_light = true, emission_front = true, emission_back = true;
     bool use_transparent_shadow = true;

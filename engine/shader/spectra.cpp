@@ -1,7 +1,6 @@
 #include "shader/spectra.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace talbot::shader {
 namespace {
@@ -28,49 +27,75 @@ constexpr float kObserver[kSteps][3] = {
     {0.0002f, 0.0001f, 0.0000f}, {0.0002f, 0.0001f, 0.0000f}, {0.0001f, 0.0000f, 0.0000f}, {0.0001f, 0.0000f, 0.0000f}, {0.0001f, 0.0000f, 0.0000f},
     {0.0000f, 0.0000f, 0.0000f}};
 
-/// CIE XYZ to linear Rec.709, white D65.
-Rgb xyz_to_rec709(double x, double y, double z) {
-    return {float(3.2404542 * x - 1.5371385 * y - 0.4985314 * z), float(-0.9692660 * x + 1.8760108 * y + 0.0415560 * z),
-            float(0.0556434 * x - 0.2040259 * y + 1.0572252 * z)};
-}
-
 }  // namespace
 
-Rgb blackbody_color(double kelvin) {
-    double xyz[3] = {0, 0, 0};
-    for (int i = 0; i < kSteps; ++i) {
-        const double metres = (380 + 5 * i) * 1e-9;
-        // Planck's law without its constant factor; second radiation constant hc/k.
-        const double power = std::pow(metres * 1e6, -5.0) / std::expm1(1.438776877e-2 / (metres * kelvin));
-        for (int c = 0; c < 3; ++c) xyz[c] += power * double(kObserver[i][c]);
-    }
-    return xyz_to_rec709(xyz[0] / xyz[1], 1.0, xyz[2] / xyz[1]);
+Rgb xyz_to_rec709(double x, double y, double z, Rec709 matrix) {
+    static constexpr double kRounded[3][3] = {{3.2404542, -1.5371385, -0.4985314}, {-0.9692660, 1.8760108, 0.0415560}, {0.0556434, -0.2040259, 1.0572252}};
+    static constexpr double kExact[3][3] = {
+        {3.2409699419, -1.5373831776, -0.4986107603}, {-0.9692436363, 1.8759675015, 0.0415550574}, {0.0556300797, -0.2039769589, 1.0569715142}};
+    const auto& m = matrix == Rec709::Exact ? kExact : kRounded;
+    const auto row = [&](int i) { return float(m[i][0] * x + m[i][1] * y + m[i][2] * z); };
+    return {row(0), row(1), row(2)};
 }
 
-const std::vector<Rgb>& blackbody_table() {
-    static const std::vector<Rgb> table = [] {
-        constexpr int n = 512;
-        std::vector<Rgb> t;
-        for (int i = 0; i < n; ++i) {
-            const double inverse = 1.0 / kBlackbodyHot + (1.0 / kBlackbodyCold - 1.0 / kBlackbodyHot) * i / (n - 1);
-            t.push_back(blackbody_color(1.0 / inverse));
-        }
-        return t;
-    }();
+Rgb observer_color(int nm, Rec709 matrix) {
+    const auto& row = kObserver[std::clamp((nm - 380) / 5, 0, kSteps - 1)];
+    return xyz_to_rec709(double(row[0]), double(row[1]), double(row[2]), matrix);
+}
+
+Rgb blackbody_color(float kelvin) {
+    // By temperature from: a / T + b T + c for red and green, a cubic for blue. Fitted to what Cycles gives, to 4e-7.
+    struct Segment {
+        double from, red[3], green[3], blue[4];
+    };
+    static constexpr Segment kSegments[] = {
+        {800, {1619.1839, -2.05011972e-3, 5.02997521}, {0, 0, 0}, {0, 0, 0, 0}},
+        {965, {2488.44689, -1.11331732e-3, 3.22623145}, {-755.99413, 3.16730218e-4, 0.478305879}, {0, 0, 0, 0}},
+        {1167, {3341.44264, -4.86545486e-4, 1.76485196}, {-1023.64409, 1.20220943e-4, 0.93666894}, {0, 0, 0, 0}},
+        {1449, {4094.62045, -1.27445197e-4, 0.725727522}, {-1265.7129, 4.8734275e-6, 1.27054483}, {0, 0, 0, 0}},
+        {1902,
+         {4670.28509, 2.91265188e-5, 0.126699724},
+         {-1425.29413, -4.01151703e-5, 1.43972844},
+         {-1.97076132e-11, 1.75359644e-7, -2.50543602e-4, -0.022277651}},
+        {3315,
+         {4595.09183, 2.87495691e-5, 0.150345008},
+         {-1175.54802, -2.1637804e-5, 1.3040802},
+         {-1.62057105e-13, -1.64207309e-8, 3.86212104e-4, -0.738070878}},
+        {6365,
+         {3787.1769, 9.35910773e-6, 0.399075336},
+         {-500.800332, -4.59832788e-6, 1.09098783},
+         {6.72644707e-13, -2.73077266e-8, 4.24096839e-4, -0.752331338}},
+    };
+    if (kelvin < kBlackbodyCold) return {5.413294f, 0, 0};
+    if (kelvin >= kBlackbodyHot) return {0.8262955f, 0.994508f, 1.566308f};
+    const double t = double(kelvin);
+    const Segment* s = kSegments;
+    for (const Segment& next : kSegments)
+        if (t >= next.from) s = &next;
+    const auto hyperbola = [&](const double(&k)[3]) { return float(std::max(k[0] / t + k[1] * t + k[2], 0.0)); };
+    const double blue = ((s->blue[0] * t + s->blue[1]) * t + s->blue[2]) * t + s->blue[3];
+    return {hyperbola(s->red), hyperbola(s->green), float(std::max(blue, 0.0))};
+}
+
+std::vector<Rgb> blackbody_table() {
+    constexpr int n = 4096;
+    std::vector<Rgb> table;
+    for (int i = 0; i < n; ++i) {
+        const double inverse = 1.0 / double(kBlackbodyHot) + (1.0 / double(kBlackbodyCold) - 1.0 / double(kBlackbodyHot)) * i / (n - 1);
+        // Even steps of 1/T; the ends stand for all that is hotter or colder.
+        table.push_back(blackbody_color(i == 0 ? kBlackbodyHot : i == n - 1 ? 0.0f : float(1.0 / inverse)));
+    }
     return table;
 }
 
-const std::vector<Rgb>& wavelength_table() {
-    static const std::vector<Rgb> table = [] {
-        std::vector<Rgb> t;
-        t.push_back({});
-        for (const auto& row : kObserver) {
-            const Rgb c = xyz_to_rec709(double(row[0]), double(row[1]), double(row[2])) * (1.0f / 2.52f);
-            t.push_back({std::max(c.x, 0.0f), std::max(c.y, 0.0f), std::max(c.z, 0.0f)});
-        }
-        t.push_back({});
-        return t;
-    }();
+std::vector<Rgb> wavelength_table(Rec709 matrix) {
+    std::vector<Rgb> table;
+    table.push_back({});
+    for (int nm = 380; nm <= 780; nm += 5) {
+        const Rgb c = observer_color(nm, matrix) * (1.0f / 2.52f);
+        table.push_back({std::max(c.x, 0.0f), std::max(c.y, 0.0f), std::max(c.z, 0.0f)});
+    }
+    table.push_back({});
     return table;
 }
 

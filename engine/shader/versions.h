@@ -2,16 +2,18 @@
 #pragma once
 
 #include "scene/scene.h"
+#include "shader/spectra.h"
 
 namespace talbot::shader {
 
 struct Semantics {
     scene::BlenderVersion version = 502;
-    bool noise_wraps = true;                ///< noise coordinates are wrapped at 1e5 (not in 3.4)
-    bool noise_roughness_clamped = false;   ///< roughness of fractal noise is limited to 1 (3.4)
-    bool voronoi_integer_hash = true;       ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
-    bool magic_wraps_before_scale = false;  ///< Magic repeats its coordinates before Scale (before 5.0)
-    float displacement_width = 0.1f;        ///< filter width of the bump that stands for displacement
+    bool noise_wraps = true;               ///< noise coordinates are wrapped at 1e5 (not in 3.4)
+    bool noise_roughness_clamped = false;  ///< roughness of fractal noise is limited to 1 (3.4)
+    bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
+    bool sky_full_dome = true;             ///< sky tables reach below the horizon, and the sun shines in front of the sky (from 5.0)
+    Rec709 rec709 = Rec709::Exact;
+    float displacement_width = 0.1f;  ///< filter width of the bump that stands for displacement
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
@@ -20,7 +22,8 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.noise_wraps = version >= 402;
     s.voronoi_integer_hash = version >= 500;
     s.noise_roughness_clamped = version < 402;
-    s.magic_wraps_before_scale = version < 500;
+    s.sky_full_dome = version >= 500;
+    s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;
 }

@@ -56,7 +56,7 @@ void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, f
         for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
         return;
     }
-    pdf_map(map, direction, n, pdf);
+    pdf_world(map, direction, n, pdf);
     for (int i = 0; i < n; ++i) pdf[i] *= map.probability;
 }
 

@@ -156,7 +156,7 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
     int32_t depth[kSpan];
     gather(query.u, world_lane, worlds, u);
     gather(query.v, world_lane, worlds, v);
-    sample_map(table.world, u, v, worlds, {x, y, z}, pdf);
+    sample_world(table.world, u, v, worlds, {x, y, z}, pdf);
     for (int i = 0; i < worlds; ++i) depth[i] = query.bounce[world_lane[i]] + 1;
     evaluate_background(programs, context, scratch, table.world_shader, {x, y, z}, depth, worlds, {r, g, b});
     for (int i = 0; i < worlds; ++i) {

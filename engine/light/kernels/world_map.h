@@ -67,4 +67,43 @@ TALBOT_INLINE void pdf_map(const WorldMap& map, ConstColumns3 direction, int n, 
     }
 }
 
+/// Density of the disc alone, at `direction`.
+TALBOT_INLINE float sun_pdf(const WorldMap& map, Vec3 direction) {
+    // By the chord: the cosine of so small an angle has no digits left.
+    const Vec3 chord = direction - map.sun;
+    return dot(chord, chord) <= 2.0f * map.sun_one_minus_cos ? 0.5f * kInvPi / map.sun_one_minus_cos : 0.0f;
+}
+
+/// Sends the lanes whose `u` falls into the disc's share there, and makes `pdf` that of the map and the disc together.
+TALBOT_INLINE void sample_sun(const WorldMap& map, const float* u, const float* v, int n, Columns3 direction, float* pdf) {
+    for (int i = 0; i < n; ++i) {
+        Vec3 d = load(direction, i);
+        float whole = pdf[i];
+        if (u[i] < map.sun_share) {
+            const float drop = u[i] / map.sun_share * map.sun_one_minus_cos, radius = safe_sqrt(drop * (2.0f - drop));
+            float sp, cp;
+            lane_sincos(v[i] * kTwoPi, sp, cp);
+            d = map.sun * (1.0f - drop) + map.sun_x * (radius * cp) + map.sun_y * (radius * sp);
+            store(direction, i, d);
+            pdf_map(map, {direction.x + i, direction.y + i, direction.z + i}, 1, &whole);
+        }
+        pdf[i] = (1.0f - map.sun_share) * whole + map.sun_share * sun_pdf(map, d);
+    }
+}
+
+/// The world as a whole: what light samples draw from, and their density per solid angle.
+TALBOT_INLINE void sample_world(const WorldMap& map, const float* u, const float* v, int n, Columns3 direction, float* pdf) {
+    if (map.sun_share == 0.0f) return sample_map(map, u, v, n, direction, pdf);
+    float rest[kSpan];
+    for (int i = 0; i < n; ++i) rest[i] = clampf((u[i] - map.sun_share) / (1.0f - map.sun_share), 0.0f, 0.9999999f);
+    sample_map(map, rest, v, n, direction, pdf);
+    sample_sun(map, u, v, n, direction, pdf);
+}
+
+TALBOT_INLINE void pdf_world(const WorldMap& map, ConstColumns3 direction, int n, float* pdf) {
+    pdf_map(map, direction, n, pdf);
+    if (map.sun_share == 0.0f) return;
+    for (int i = 0; i < n; ++i) pdf[i] = (1.0f - map.sun_share) * pdf[i] + map.sun_share * sun_pdf(map, load(direction, i));
+}
+
 }  // namespace talbot::light

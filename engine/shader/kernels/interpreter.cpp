@@ -117,6 +117,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Gradient:
                 op_gradient(i, r, n);
                 break;
+            case Op::Grid:
+                op_grid(i, r, n, scope);
+                break;
             case Op::Fresnel:
                 op_fresnel(r, n);
                 break;

@@ -55,6 +55,7 @@ void op_magic(const Instruction& i, Registers r, int n);
 void op_brick(const Instruction& i, Registers r, int n);
 void op_checker(Registers r, int n);
 void op_gradient(const Instruction& i, Registers r, int n);
+void op_grid(const Instruction& i, Registers r, int n, const OpScope& scope);
 
 void op_fresnel(Registers r, int n);
 void op_bump(Registers r, int n);

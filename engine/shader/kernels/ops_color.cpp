@@ -237,5 +237,26 @@ void op_curve(const Instruction& i, Registers r, int n, const OpScope& s) {
     }
 }
 
+void op_grid(const Instruction& i, Registers r, int n, const OpScope& s) {
+    const float* __restrict table = s.programs.tables.data();
+    Column red = r[0], green = r[1], blue = r[2];
+    ConstColumn u = r[3], v = r[4], offset = r[5];
+    const int32_t width = int32_t(i.data >> 16), height = int32_t(i.data & 0xffff);
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) {
+        const float x = clampf(u[k] * float(width) - 0.5f, 0.0f, float(width - 1)), y = clampf(v[k] * float(height) - 0.5f, 0.0f, float(height - 1));
+        const int32_t x0 = int32_t(x), y0 = int32_t(y);
+        const int32_t x1 = x0 + 1 < width ? x0 + 1 : x0, y1 = y0 + 1 < height ? y0 + 1 : y0;
+        const float fx = x - float(x0), fy = y - float(y0);
+        const int32_t first = as_int(offset[k]);
+        const int32_t a = first + 3 * (y0 * width + x0), b = first + 3 * (y0 * width + x1);
+        const int32_t c = first + 3 * (y1 * width + x0), d = first + 3 * (y1 * width + x1);
+        const float wa = (1.0f - fx) * (1.0f - fy), wb = fx * (1.0f - fy), wc = (1.0f - fx) * fy, wd = fx * fy;
+        red[k] = table[a] * wa + table[b] * wb + table[c] * wc + table[d] * wd;
+        green[k] = table[a + 1] * wa + table[b + 1] * wb + table[c + 1] * wc + table[d + 1] * wd;
+        blue[k] = table[a + 2] * wa + table[b + 2] * wb + table[c + 2] * wc + table[d + 2] * wd;
+    }
+}
+
 }  // namespace TALBOT_ISA
 }  // namespace talbot::shader

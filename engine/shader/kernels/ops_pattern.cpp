@@ -54,14 +54,12 @@ void op_magic(const Instruction& i, Registers r, int n) {
     Column red = r[0], green = r[1], blue = r[2];
     ConstColumn px = r[3], py = r[4], pz = r[5], scale = r[6], distortion = r[7];
     const int depth = i.variant;
-    const bool wrap_first = i.data & 1;
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
         const float s = scale[k] * 5.0f;
-        float a = px[k], b = py[k], c = pz[k];
-        a = wrap_first ? a - kTwoPi * lane_trunc(a / kTwoPi) : a;
-        b = wrap_first ? b - kTwoPi * lane_trunc(b / kTwoPi) : b;
-        c = wrap_first ? c - kTwoPi * lane_trunc(c / kTwoPi) : c;
+        const float a = px[k] - kTwoPi * lane_trunc(px[k] / kTwoPi);
+        const float b = py[k] - kTwoPi * lane_trunc(py[k] / kTwoPi);
+        const float c = pz[k] - kTwoPi * lane_trunc(pz[k] / kTwoPi);
         red[k] = lane_sin((a + b + c) * s);
         green[k] = lane_cos((-a + b - c) * s);
         blue[k] = -lane_cos((-a - b + c) * s);

@@ -87,6 +87,42 @@ TEST(Programs, SunsAndWorlds) {
     });
 }
 
+/// The sun's disc in a Sky Texture is drawn by samples of its own, and their density integrates to the disc's part.
+TEST(Programs, SkyWithSun) {
+    Fixture sky;
+    talbot::test::GraphBuilder g;
+    const auto texture = g.node("ShaderNodeTexSky").text("sky_type", "MULTIPLE_SCATTERING").number("sun_elevation", 0.9).number("sun_rotation", 0.7);
+    const auto color = g.out(texture.id(), "Color", SocketKind::Color);
+    g.surface(g.out(g.node("ShaderNodeBackground").link("Color", SocketKind::Color, color).set("Strength", 1).id(), "Background", SocketKind::Shader));
+    sky.scene.shaders.push_back(g.shader);
+    sky.scene.world.shader = 0;
+    compile_and_build(sky);
+    const WorldMap& map = sky.table->view.world;
+    ASSERT_GT(map.sun_share, 0.3f);
+    const Vec3 sun{std::cos(0.9f) * std::sin(0.7f), std::cos(0.9f) * std::cos(0.7f), std::sin(0.9f)};
+    int hits = 0, count = 0;
+    double irradiance = 0, squares = 0;
+    sample_many(sky, Stratum::Distant, {}, 1 << 14, [&](const Samples& s, int n) {
+        for (int i = 0; i < n; ++i) {
+            ++count;
+            const Vec3 chord = s.wi(i) - sun;
+            const bool inside = std::sqrt(dot(chord, chord)) < 0.00475f;
+            hits += inside;
+            if (!(s.pdf[i] > 0)) continue;
+            float w[3] = {s.wx[i], s.wy[i], s.wz[i]}, pdf = 0;
+            pdf_background(*sky.table, {w, w + 1, w + 2}, 1, &pdf);
+            if (inside) EXPECT_NEAR(pdf, s.pdf[i], 1e-3f * s.pdf[i]);
+            const double x = double(s.r[i]) * double(std::max(s.wi(i).z, 0.0f)) / double(s.pdf[i]);
+            irradiance += x;
+            squares += x * x;
+        }
+    });
+    EXPECT_NEAR(double(hits) / count, double(map.sun_share), 0.02);
+    // Few lights are this even: without the disc's samples the deviation is dozens of times the mean.
+    const double mean = irradiance / count, deviation = std::sqrt(squares / count - mean * mean);
+    EXPECT_LT(deviation, 0.6 * mean);
+}
+
 TEST(Programs, Meshes) {
     Fixture f;
     f.scene.shaders.push_back(position_shader("ShaderNodeEmission", "Emission", 2));
