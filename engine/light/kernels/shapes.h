@@ -39,6 +39,10 @@ struct RectView {
     float by_ellipse = 0;  ///< > 0: (else) the whole ellipse is sampled by area
 };
 
+TALBOT_INLINE float sum_abs(Vec3 v) {
+    return lane_abs(v.x) + lane_abs(v.y) + lane_abs(v.z);
+}
+
 TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     RectView v;
     const Vec3 d = r.center - o;
@@ -52,7 +56,9 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     v.x1 = minf(v.x + r.half_x, reach);
     v.y0 = maxf(v.y - r.half_y, -reach);
     v.y1 = minf(v.y + r.half_y, reach);
-    v.visible = minf(v.z, minf(v.x1 - v.x0, v.y1 - v.y0));
+    // A point on the rectangle itself is above or below it by rounding only, and would see half a world of it.
+    const float rounding = 1e-6f * (sum_abs(o) + sum_abs(r.center) + r.half_x + r.half_y);
+    v.visible = minf(v.z - rounding, minf(v.x1 - v.x0, v.y1 - v.y0));
     const float clipped = (v.x1 - v.x0) * (v.y1 - v.y0);
     const float ellipse = kPi * r.half_x * r.half_y;
 

@@ -176,6 +176,21 @@ TEST(Irradiance, TriangleFactors) {
     EXPECT_TRUE(fan.table->rects.empty());
 }
 
+// Points of a leaning square and of a leaning triangle are on them but for rounding: neither lights itself.
+TEST(Irradiance, FlatShapesDoNotLightThemselves) {
+    const Affine lean = look_at({3, -2, 5}, {4, 1, 2});
+    const Vec3 normal = normalize(Vec3{lean.m[0][2], lean.m[1][2], lean.m[2][2]});
+    for (const std::vector<uint32_t>& triangles : {std::vector<uint32_t>{0, 1, 2, 0, 2, 3}, {0, 1, 2}}) {
+        Fixture f;
+        f.add_mesh({{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}}, triangles, f.emission({1, 1, 1}), lean);
+        f.build();
+        for (int k = 0; k < 64; ++k) {
+            const Vec3 p = transform_point(lean, {0.013f * float(k), 0.011f * float(k) - 0.6f, 0});
+            EXPECT_LT(irradiance(f, Stratum::Local, p, normal, 256), 1e-3) << k;
+            EXPECT_LT(irradiance(f, Stratum::Local, p, normal * -1.0f, 256), 1e-3) << k;
+        }
+    }
+}
 TEST(Irradiance, DiskAndSphereFactors) {
     const double disk[][2] = {{0, .5}, {.5, .437982632705}, {1, .27639320225}, {2, .0527864045}};
     for (const auto& c : disk) {
