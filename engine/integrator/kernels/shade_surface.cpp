@@ -88,7 +88,8 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     add_found_light(context, worker, s.lane, span.n, s.rgb, film::Category::Emission, tile);
 }
 
-/// Holdout closures and objects cut a hole: what they absorb becomes transparency of the pixel.
+/// Holdout closures and objects cut a hole where the background would be seen too: what they absorb becomes transparency of the pixel. For all other paths
+/// the object is like any other.
 void add_holdout(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
     SpanScratch& s = worker.scratch;
     const shader::ShadingSpan& span = s.span;
@@ -100,15 +101,20 @@ void add_holdout(const RenderContext& context, Worker& worker, const shader::Pro
         for (int i = 0; i < span.n; ++i) s.tmp[i] += mean(load(c.weight, i));
     }
     for (int i = 0; i < span.n; ++i) {
+        if (!(s.path_flags[i] & kPathSeesBackground)) continue;
         const bool object = context.scene->objects[span.object[i]].is_holdout;
-        float absorbed = object ? 1.0f : s.tmp[i];
+        const float absorbed = object ? 1.0f : s.tmp[i];
         if (object) {
             for (const ClosureSlot& slot : program.slots) {
                 float* w = s.registers + size_t(slot.weight) * kSpan;
                 w[i] = w[kSpan + i] = w[2 * kSpan + i] = 0.0f;
             }
+            if (program.emission != shader::kNoRegister) {
+                float* e = s.registers + size_t(program.emission) * kSpan;
+                e[i] = e[kSpan + i] = e[2 * kSpan + i] = 0.0f;
+            }
         }
-        if (absorbed == 0.0f || !(s.path_flags[i] & kPathSeesBackground)) continue;
+        if (absorbed == 0.0f) continue;
         s.itmp[count] = worker.paths.pixel[s.lane[i]];
         s.tmp2[count++] = absorbed * mean(load(s.throughput, i));
     }
