@@ -67,7 +67,7 @@ struct ClosureColumns {
 struct ClosureGeometry {
     ConstColumns3 wo;
     ConstColumns3 ng;
-    ConstColumns3 ns;  ///< interpolated normal before bump, for bump shadowing (3.4)
+    ConstColumns3 ns;  ///< the normal that closures' normals are compared with for bump shadowing: interpolated, bent by displacement only
     scene::BlenderVersion version = 502;
     bool bump_correction = true;
 };

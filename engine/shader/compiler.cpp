@@ -78,9 +78,9 @@ private:
         out.constants = int32_t(programs_.constants.size());
 
         ConstantTable constants;
-        out.surface = add(lower(expressions, {&values.slots, values.emission, {}}, constants), shader.name);
+        out.surface = add(lower(expressions, {&values.slots, values.emission, {}, values.normal}, constants), shader.name);
         if (values.emission.valid()) {
-            out.emission = add(lower(expressions, {nullptr, values.emission, {}}, constants), shader.name);
+            out.emission = add(lower(expressions, {nullptr, values.emission, {}, {}}, constants), shader.name);
             out.emission_is_constant = expressions.is_known(values.emission);
             if (out.emission_is_constant)
                 out.constant_emission = {expressions.known(values.emission.x), expressions.known(values.emission.y), expressions.known(values.emission.z)};
@@ -91,7 +91,7 @@ private:
             out.emission_estimate = out.emission_is_constant ? mean : std::max(mean, 1e-3f);
         }
         if (values.transparency.valid()) {
-            out.transparency = add(lower(expressions, {nullptr, {}, values.transparency}, constants), shader.name);
+            out.transparency = add(lower(expressions, {nullptr, {}, values.transparency, {}}, constants), shader.name);
             out.transparency_is_constant = expressions.is_known(values.transparency);
             if (out.transparency_is_constant)
                 out.constant_transparency = {expressions.known(values.transparency.x), expressions.known(values.transparency.y),

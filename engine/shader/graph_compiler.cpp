@@ -191,7 +191,7 @@ void GraphCompiler::bend_by_displacement(const scene::Node& output) {
     request.height = [this, &request](NodeContext& at) { return e.dot(at.vector("Displacement"), request.normal); };
     request.strength = request.distance = e.literal(1);
     request.width = e.literal(semantics.displacement_width);
-    surface_normal = bend_normal(context, request);
+    values.normal = bend_normal(context, request);
 }
 
 ShaderValues GraphCompiler::compile() {

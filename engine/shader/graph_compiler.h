@@ -30,6 +30,7 @@ struct ShaderValues {
     std::vector<SlotValues> slots;
     Value3 emission;      ///< not valid: none
     Value3 transparency;  ///< not valid: opaque
+    Value3 normal;        ///< bent by displacement; not valid: the span's own
     bool has_bump = false;
     SunDisc sun;
 };
@@ -72,7 +73,6 @@ public:
     SkyCache& skies;
     Semantics semantics;
     ShaderValues values;
-    Value3 surface_normal;  ///< bent by displacement; not valid: the span's own
 
 private:
     bool run_node(int node, int shift);

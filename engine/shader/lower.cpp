@@ -49,6 +49,7 @@ private:
         }
         need(outputs.emission);
         need(outputs.transparency);
+        need(outputs.normal);
         for (size_t i = e_.size(); i-- > 0;) {
             if (!needed_[i]) continue;
             for (int32_t in : e_.expression(i).inputs) needed_[size_t(e_.owner(Value{in}))] = true;
@@ -80,6 +81,7 @@ private:
         }
         pin_triple(outputs.emission);
         pin_triple(outputs.transparency);
+        pin_triple(outputs.normal);
         // Parameters are edited in place (filter glossy), so one register serves only one kind of parameter.
         if (!outputs.slots) return;
         std::map<int32_t, std::pair<int, size_t>> owner;
@@ -191,6 +193,7 @@ private:
         }
         if (outputs.emission.valid()) program_.emission = triples_.at(ids(outputs.emission));
         if (outputs.transparency.valid()) program_.transparency = triples_.at(ids(outputs.transparency));
+        if (outputs.normal.valid()) program_.normal = triples_.at(ids(outputs.normal));
         program_.register_count = registers_;
     }
 
@@ -232,7 +235,7 @@ std::string fingerprint(const Program& program) {
         for (int k = 0; k < s.param_count; ++k) put(s.params[k]);
     }
     put(uint32_t(program.emission) | uint32_t(program.transparency) << 16);
-    put(uint32_t(program.register_count));
+    put(uint32_t(program.normal) | uint32_t(program.register_count) << 16);
     return bytes;
 }
 

@@ -9,7 +9,7 @@ namespace talbot::shader {
 /// Which outputs a program is for.
 struct ProgramOutputs {
     const std::vector<SlotValues>* slots = nullptr;
-    Value3 emission, transparency;
+    Value3 emission, transparency, normal;
 };
 
 /// The constants of one shader, in the order in which its programs first use them.

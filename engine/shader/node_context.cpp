@@ -199,8 +199,8 @@ Value NodeContext::barycentric_v() {
 }
 
 Value3 NodeContext::shading_normal() {
-    const bool bent = shift == 0 && graph_.surface_normal.valid();
-    return bent ? graph_.surface_normal : e.input3(InputColumn::NormalX);
+    const bool bent = shift == 0 && graph_.values.normal.valid();
+    return bent ? graph_.values.normal : e.input3(InputColumn::NormalX);
 }
 
 Value3 NodeContext::generated() {

@@ -35,6 +35,7 @@ struct Program {
     uint16_t emission = 0xffff;      ///< first of 3 registers: radiance towards the viewer; kNoRegister when there is none
     uint16_t transparency = 0xffff;  ///< first of 3 registers: sum of the transparent closures' weights, in transparency programs (shadow rays); kNoRegister:
                                      ///< opaque, or another kind of program
+    uint16_t normal = 0xffff;        ///< first of 3 registers: the surface's normal where displacement bends it; kNoRegister: the span's
     int register_count = 0;
     std::string name;  ///< of the first material that uses it, for reports
 };

@@ -22,7 +22,9 @@ inline constexpr float kDeltaPdf = 1e8f;
 struct LobeUniform {
     bool anisotropic = false;
     float correction = 1;   ///< 1: soften the bump terminator
-    float old = 0;          ///< 1: Blender before 4.0, its bump shadowing
+    float old = 0;          ///< 1: Blender before 4.0
+    float polynomial = 0;   ///< 1: bump shadowing by the polynomial (before 4.5)
+    float bump_all = 1;     ///< 1: bump shadowing cuts glossy lobes too (5.0 and later)
     float separable = 0;    ///< 1: separable shadowing (before 4.0)
     float delta_limit = 0;  ///< alpha_x alpha_y at or below it: sharp
 };
@@ -32,6 +34,8 @@ TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropi
     u.anisotropic = anisotropic;
     u.correction = g.bump_correction ? 1.0f : 0.0f;
     u.old = g.version < 400 ? 1.0f : 0.0f;
+    u.polynomial = g.version < 405 ? 1.0f : 0.0f;
+    u.bump_all = g.version < 500 ? 0.0f : 1.0f;
     u.separable = correlated ? 0.0f : u.old;
     u.delta_limit = g.version < 400 ? 1e-7f : 2e-10f;
     return u;
@@ -82,26 +86,26 @@ TALBOT_INLINE Vec3 to_world(const Frame& f, Vec3 v) {
 }
 
 /// Darkens where bump mapping would let light through: n is the closure's normal, ns the interpolated one.
-/// Before 4.0: the polynomial of [Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem"], diffuse only;
-/// later its GGX form for diffuse and, for all, nothing from directions that are above one normal and below the other.
+/// Before 4.5: a polynomial for diffuse only. Later the GGX form of [Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
+/// Terminator Problem"] for diffuse and, from 5.0 on for all, nothing from directions that are above one normal and below the other.
 template <bool diffuse>
 TALBOT_INLINE float bump_shadow(const LobeUniform& uniform, Vec3 n, Vec3 ns, Vec3 wi) {
     const float n_wi = dot(n, wi), ns_wi = dot(ns, wi), n_ns = dot(n, ns);
     const float same_side = n_wi * n_ns * ns_wi < 0.0f ? 0.0f : 1.0f;
-    if constexpr (!diffuse) return maxf(same_side, uniform.old);
-    // Before 4.0.
+    if constexpr (!diffuse) return maxf(same_side, 1.0f - uniform.bump_all);
+    // Before 4.5.
     const float denominator = n_wi * n_ns;
     const float g = clampf(ns_wi / (denominator != 0.0f ? denominator : 1.0f), 0.0f, 1.0f);
     const float polynomial = g + g * g - g * g * g;
-    const float old_term = lerp(1.0f, polynomial, uniform.correction);
+    const float old_term = same_side * lerp(1.0f, polynomial, uniform.correction);
     // Later.
     const float c2 = minf(n_ns * n_ns, 1.0f);
     const float alpha2 = saturate(0.125f * (1.0f - c2) / maxf(c2, 1e-8f));
-    const float cos2 = maxf(n_wi * n_wi, 1e-8f);
+    const float cos2 = maxf(ns_wi * ns_wi, 1e-8f);
     const float g1 = 2.0f / (1.0f + std::sqrt(1.0f + alpha2 * maxf(1.0f - cos2, 0.0f) / cos2));
     const float smooth = c2 > 0.9999995f ? 1.0f : g1;  // not bent
     const float new_term = same_side * lerp(1.0f, smooth, uniform.correction);
-    return uniform.old != 0.0f ? old_term : new_term;
+    return uniform.polynomial != 0.0f ? old_term : new_term;
 }
 
 template <class Lobe>
@@ -139,8 +143,8 @@ TALBOT_INLINE void finish_samples(const LobeUniform& k, const ClosureColumns& c,
         // A direction that leaves through the wrong side of the real surface is lost.
         const float side = dot(load(g.ng, i), wi);
         const float outward = (flags & kSampledTransmit) != 0 ? -side : side;
-        const float rough_bump = bump_shadow<diffuse>(k, normal, load(g.ns, i), wi);
-        const float bump = (flags & kSampledDelta) != 0 ? 1.0f : rough_bump;
+        // Sampled directions of glossy lobes are not cut, only evaluated ones.
+        const float bump = diffuse ? bump_shadow<diffuse>(k, normal, load(g.ns, i), wi) : 1.0f;
         const Rgb r{clean(out.weight.x[i] * bump * weight.x), clean(out.weight.y[i] * bump * weight.y), clean(out.weight.z[i] * bump * weight.z)};
         const float length2 = dot(wi, wi);
         const bool ok = (outward > 0.0f) & (pdf > 0.0f) & (pdf < 1e30f) & ((flags & kSampledFailed) == 0) & is_present(r) & is_present(weight) &

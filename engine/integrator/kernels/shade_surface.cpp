@@ -178,7 +178,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
         ClosureGeometry geometry;
         geometry.wo = s.span.wo;
         geometry.ng = s.span.n_g;
-        geometry.ns = s.span.n_s;
+        geometry.ns = program.normal != shader::kNoRegister ? triple_columns(program.normal, s.registers) : s.span.n_s;
         geometry.version = context.settings->version;
 
         add_holdout(context, worker, program, tile);

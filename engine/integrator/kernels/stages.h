@@ -74,12 +74,17 @@ private:
 };
 
 /// The slot's columns over the span's registers.
+/// Three registers in a row.
+TALBOT_INLINE ConstColumns3 triple_columns(uint16_t first, const float* registers) {
+    const float* x = registers + size_t(first) * kSpan;
+    return {x, x + kSpan, x + 2 * kSpan};
+}
+
 TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* registers) {
     ClosureColumns c;
-    auto column = [&](int r) { return registers + size_t(r) * kSpan; };
-    c.weight = {column(slot.weight), column(slot.weight + 1), column(slot.weight + 2)};
-    c.normal = {column(slot.normal), column(slot.normal + 1), column(slot.normal + 2)};
-    for (int i = 0; i < slot.param_count; ++i) c.params[i] = column(slot.params[i]);
+    c.weight = triple_columns(slot.weight, registers);
+    c.normal = triple_columns(slot.normal, registers);
+    for (int i = 0; i < slot.param_count; ++i) c.params[i] = registers + size_t(slot.params[i]) * kSpan;
     return c;
 }
 

@@ -180,16 +180,29 @@ TEST(Bump, NoLightThroughTheSurface) {
     EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
     EXPECT_GT(bench.eval({above})[0].f.x, 0.0f);
     const float plain = dot(bench.normal, beside) * kInvPi;
-    EXPECT_LT(bench.eval({beside})[0].f.x, plain);  // softened before the terminator
+    // Softened before the terminator, by GGX shadowing of the angle to the smooth normal.
+    const auto softened = [&] {
+        const float alpha2 = std::min(1.0f, 0.125f * (1 / (bench.normal.z * bench.normal.z) - 1)), tan2 = 1 / (beside.z * beside.z) - 1;
+        return 2 / (1 + std::sqrt(1 + alpha2 * tan2));
+    };
+    EXPECT_NEAR(bench.eval({beside})[0].f.x, plain * softened(), 1e-5f);
     bench.bump_correction = false;
     EXPECT_NEAR(bench.eval({beside})[0].f.x, plain, 1e-5f);
     EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
-    // Before 4.0: g + g^2 - g^3 with g = (ns.wi) / ((n.wi)(ns.n)), diffuse only, and nothing else.
+    // Before 4.5: g + g^2 - g^3 with g = (ns.wi) / ((n.wi)(ns.n)), diffuse only, and nothing else.
     bench.bump_correction = true;
     bench.version = 304;
     const float g = beside.z / (dot(bench.normal, beside) * bench.normal.z);
     EXPECT_NEAR(bench.eval({beside})[0].f.x, plain * (g + g * g - g * g * g), 1e-5f);
     EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
+    bench.bump_correction = false;
+    EXPECT_EQ(bench.eval({below})[0].f.x, 0.0f);
+    // Glossy lobes are cut from 5.0 on.
+    for (const auto& [version, cut] : {std::pair{502, true}, {405, false}, {304, false}}) {
+        Bench glossy({"", ClosureType::Microfacet, reflect(0.5f, 0.5f, {}), 0, bench.normal, version});
+        glossy.normal = bench.normal;
+        EXPECT_EQ(glossy.eval({below})[0].f.x == 0.0f, cut) << version;
+    }
     Bench flat({"", ClosureType::Diffuse, {}});
     EXPECT_NEAR(flat.eval({above})[0].f.x, above.z * kInvPi, 1e-6f);
 }
