@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import shutil
 import sys
 import traceback
 import types
@@ -317,5 +318,24 @@ def main() -> int:
     return 0
 
 
+def leave(status: object) -> None:
+    """Like sys.exit. Blender 4.2's static destructors ask Python for its lock when Python is gone, and whether that
+    crashes is left to chance: there the process ends before them, when everything else is put away."""
+    bpy = sys.modules.get("bpy")
+    if bpy is None or bpy.app.version >= (4, 5, 0):
+        sys.exit(status)
+    if isinstance(status, str):
+        print(status, file=sys.stderr)
+    atexit._run_exitfuncs()
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status if isinstance(status, int) else status is not None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        code: object = main()
+    except SystemExit as end:  # a script's own
+        code = end.code
+    leave(code)
