@@ -104,6 +104,7 @@ def build(with_spheres: bool) -> None:
     scene.camera = view
     scene.render.resolution_x = scene.render.resolution_y = 512
     scene.render.resolution_percentage = 100
+    scene.cycles.samples = 128
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 7
     scene.cycles.transmission_bounces = 7
 

@@ -247,6 +247,7 @@ def build() -> None:
     scene.collection.objects.link(camera_object)
     scene.camera = camera_object
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 1280, 720, 100
+    scene.cycles.samples = 128
 
 
 build()

@@ -64,6 +64,7 @@ def build(side: int = 895) -> None:
     scene.collection.objects.link(view)
     scene.camera = view
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 640, 360, 100
+    scene.cycles.samples = 64
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 5
 
 

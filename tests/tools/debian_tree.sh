@@ -18,9 +18,11 @@ command -v debootstrap >/dev/null || apt-get install -y -q --no-install-recommen
 [ -x "$tree/bin/bash" ] || debootstrap --variant=minbase --include=ca-certificates "$suite" "$tree"
 cp /etc/resolv.conf "$tree/etc/resolv.conf"
 
+# Brought up to date rather than unpacked anew: untouched files keep their times, so the next build is short.
 clone=$tree/root/talbot
-mkdir -p "$clone"
-git -C "$root" archive HEAD | tar -x -C "$clone"
+[ -d "$clone/.git" ] || git clone -q --no-hardlinks "$root" "$clone"
+git -C "$clone" fetch -q "$root" HEAD
+git -C "$clone" reset -q --hard FETCH_HEAD
 
 leave() {
   umount -l "$tree/dev" "$tree/proc" "$tree/sys" 2>/dev/null || true
