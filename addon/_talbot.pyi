@@ -62,6 +62,20 @@ class MeshArrays(TypedDict, total=False):
     generated_offset: tuple[float, float, float]
     generated_scale: tuple[float, float, float]
 
+class StrandArrays(TypedDict, total=False):
+    """Curves or points instead of a mesh: whatever has `radii`. Required: positions, radii. K keys or points, C curves."""
+
+    positions: f32  # (K, 3)
+    radii: f32  # (K,)
+    curve_starts: u32  # (C + 1,) first key of each curve, and K; absent: points
+    curve_shape: str  # ribbon, thick, thick_linear
+    curve_subdivisions: int
+    attributes: list[tuple[str, str, bool, NDArray[Any]]]  # "VERTEX": a key or point, "FACE": a curve
+    active_uv: str
+    active_color: str
+    generated_offset: tuple[float, float, float]
+    generated_scale: tuple[float, float, float]
+
 class ObjectArrays(TypedDict, total=False):
     """All objects and instances of the scene at once, n of them. Required: mesh, matrix."""
 
@@ -95,8 +109,8 @@ class Session:
         """Names: combined, depth, normal, position, uv, mist, object_index, material_index, diffuse_direct, ..., emission,
         environment, denoising_albedo, denoising_normal, sample_count."""
 
-    def add_mesh(self, name: str, arrays: MeshArrays) -> int: ...
-    def set_mesh(self, handle: int, name: str, arrays: MeshArrays) -> None: ...
+    def add_mesh(self, name: str, arrays: MeshArrays | StrandArrays) -> int: ...
+    def set_mesh(self, handle: int, name: str, arrays: MeshArrays | StrandArrays) -> None: ...
     def remove_mesh(self, handle: int) -> None: ...
     def set_objects(self, arrays: ObjectArrays) -> None:
         """Replaces all objects."""

@@ -32,17 +32,17 @@ class CyclesSettings:
 
     __slots__ = ("_group", "_stored")
 
-    def __init__(self, owner: Any) -> None:
-        self._group = getattr(owner, "cycles", None)
+    def __init__(self, owner: Any, key: str = "cycles") -> None:
+        self._group = getattr(owner, key, None)
         self._stored: dict[str, Any] = {}
         if self._group is not None or owner is None:
             return
         stored = None
         if hasattr(owner, "bl_system_properties_get"):
             system = owner.bl_system_properties_get()
-            stored = system.get("cycles") if system is not None else None
+            stored = system.get(key) if system is not None else None
         if stored is None and hasattr(owner, "get"):
-            stored = owner.get("cycles")
+            stored = owner.get(key)
         if stored is not None and hasattr(stored, "to_dict"):
             self._stored = stored.to_dict()
 
@@ -63,6 +63,11 @@ class CyclesSettings:
 def cycles_settings(owner: Any) -> CyclesSettings:
     """Reader of the Cycles settings of a scene, object, light, camera, material, world or view layer."""
     return CyclesSettings(owner)
+
+
+def cycles_curves(scene: Any) -> CyclesSettings:
+    """Reader of the scene's settings for curves."""
+    return CyclesSettings(scene, "cycles_curves")
 
 
 _LUMINANCE = {

@@ -17,10 +17,23 @@ from .images import ImageSync
 from .materials import ShaderSync
 from .mesh import read_mesh
 from .objects import Gathered, ObjectPass, Record, object_arrays
+from .strands import read_curves, read_hair, read_points
 from .unsupported import warn_scene
 from .world import world_values
 
 Key = tuple[str, str]
+GEOMETRY_KINDS = (
+    "Object",
+    "Mesh",
+    "Curve",
+    "MetaBall",
+    "TextCurve",
+    "SurfaceCurve",
+    "Curves",
+    "PointCloud",
+    "ParticleSettings",
+    "Collection",
+)
 
 
 @dataclass
@@ -65,7 +78,7 @@ class SceneSync:
         self.context = SyncContext(session)
         self.images = ImageSync(self.context)
         self.shaders = ShaderSync(self.context, self.images)
-        self._meshes: dict[int, MeshEntry] = {}
+        self._meshes: dict[tuple[int, int], MeshEntry] = {}
         self._settings: dict[str, Any] = {}
         self._camera: dict[str, Any] = {}
         self._world: dict[str, Any] = {}
@@ -164,7 +177,7 @@ class SceneSync:
         with context.timed("meshes"):
             stale_all = not wanted <= context.wanted
             context.wanted |= wanted
-            handles, meshes_changed, removed = self._send_meshes(gathered.records, changes.geometry, stale_all)
+            handles, meshes_changed, removed = self._send_meshes(gathered.records, changes.geometry, stale_all, scene)
             changed |= meshes_changed
         with context.timed("objects"):
             changed |= self._send_objects(gathered, handles)
@@ -174,14 +187,14 @@ class SceneSync:
         return changed or self.shaders.sent
 
     def _send_meshes(
-        self, records: list[Record], stale: set[Key], stale_all: bool
+        self, records: list[Record], stale: set[Key], stale_all: bool, scene: Any
     ) -> tuple[list[int], bool, list[int]]:
         """Handles by record, whether a mesh was sent, handles nobody uses any more."""
         handles: list[int] = []
-        seen: set[int] = set()
+        seen: set[tuple[int, int]] = set()
         changed = False
         for record in records:
-            pointer = record.mesh.as_pointer()
+            pointer = record.key()
             entry = self._meshes.get(pointer)
             if pointer in seen and entry is not None:
                 entry.owners |= record.owners
@@ -194,7 +207,7 @@ class SceneSync:
                 continue
             changed = True
             self.context.check()
-            arrays = read_record(self.context, record)
+            arrays = read_record(self.context, record, scene)
             if arrays is None:
                 if entry is not None:
                     seen.discard(pointer)
@@ -287,8 +300,14 @@ class SceneSync:
         return self._send_camera(viewport_values(self.context, context, region_data, width, height)) or changed
 
 
-def read_record(context: SyncContext, record: Record) -> dict[str, Any] | None:
-    """The arrays of a record's mesh. In edit mode the evaluated mesh is an empty shell; the object makes a real one."""
+def read_record(context: SyncContext, record: Record, scene: Any) -> dict[str, Any] | None:
+    """The arrays of a record's geometry. In edit mode the evaluated mesh is empty; the object makes a real one."""
+    if record.hair is not None:
+        return read_hair(context, record.hair, scene)
+    if isinstance(record.mesh, bpy.types.Curves):
+        return read_curves(context, record.mesh, scene)
+    if isinstance(record.mesh, bpy.types.PointCloud):
+        return read_points(context, record.mesh)
     if not record.mesh.is_editmode:
         return read_mesh(context, record.mesh)
     owner = record.holders[-1]
@@ -309,9 +328,10 @@ def read_changes(depsgraph: Any) -> Changes:
     changes = Changes()
     for update in depsgraph.updates:
         kind, name = id_key(update.id)
-        if kind in ("Object", "Mesh", "Curve", "MetaBall", "TextCurve", "SurfaceCurve", "Collection"):
+        if kind in GEOMETRY_KINDS:
             changes.objects = True
-            if update.is_updated_geometry:
+            # Settings of particles are nothing but geometry, and Blender does not say so.
+            if update.is_updated_geometry or kind == "ParticleSettings":
                 changes.geometry.add((kind, name))
         elif kind == "Image":
             changes.images.add((kind, name))

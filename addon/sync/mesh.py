@@ -37,7 +37,7 @@ INTEGERS = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": np.bool_}
 DOMAINS = {"POINT": "VERTEX", "CORNER": "CORNER", "FACE": "FACE", "EDGE": "VERTEX"}
 
 
-def _read(collection: Any, field: str, count: int, dtype: Any, columns: int = 1) -> Any:
+def read_column(collection: Any, field: str, count: int, dtype: Any, columns: int = 1) -> Any:
     """`count` elements of a collection by foreach_get. Of another dtype than the stored one Blender converts
     item by item."""
     values = np.empty(count * columns, dtype=dtype)
@@ -74,39 +74,39 @@ def _topology(mesh: Any) -> dict[str, Any]:
     attributes = mesh.attributes
     position, corner_vert = attributes.get("position"), attributes.get(".corner_vert")
     if position is not None:
-        positions = _read(position.data, "vector", vertices, np.float32, 3)
+        positions = read_column(position.data, "vector", vertices, np.float32, 3)
     else:
-        positions = _read(mesh.vertices, "co", vertices, np.float32, 3)
+        positions = read_column(mesh.vertices, "co", vertices, np.float32, 3)
     if corner_vert is not None:
-        corner_vertices = _read(corner_vert.data, "value", corners, np.int32).view(np.uint32)
+        corner_vertices = read_column(corner_vert.data, "value", corners, np.int32).view(np.uint32)
     else:
-        corner_vertices = _read(mesh.loops, "vertex_index", corners, np.uint32)
+        corner_vertices = read_column(mesh.loops, "vertex_index", corners, np.uint32)
     if hasattr(mesh, "loop_triangle_polygons"):
-        triangle_faces = _read(mesh.loop_triangle_polygons, "value", triangles, np.int32).view(np.uint32)
+        triangle_faces = read_column(mesh.loop_triangle_polygons, "value", triangles, np.int32).view(np.uint32)
     else:
-        triangle_faces = _read(mesh.loop_triangles, "polygon_index", triangles, np.uint32)
+        triangle_faces = read_column(mesh.loop_triangles, "polygon_index", triangles, np.uint32)
     arrays = {
         "positions": positions,
         "corner_vertices": corner_vertices,
-        "triangle_corners": _read(mesh.loop_triangles, "loops", triangles, np.uint32, 3),
+        "triangle_corners": read_column(mesh.loop_triangles, "loops", triangles, np.uint32, 3),
         "triangle_faces": triangle_faces,
     }
     material = attributes.get("material_index")
     if material is not None and material.domain == "FACE" and material.data_type == "INT":
-        arrays["face_materials"] = _read(material.data, "value", faces, np.int32)
+        arrays["face_materials"] = read_column(material.data, "value", faces, np.int32)
     elif len(mesh.materials) > 1:
-        arrays["face_materials"] = _read(mesh.polygons, "material_index", faces, np.uint32).view(np.int32)
+        arrays["face_materials"] = read_column(mesh.polygons, "material_index", faces, np.uint32).view(np.int32)
     return arrays
 
 
 def _smooth(mesh: Any) -> NDArray[np.uint8]:
     faces = len(mesh.polygons)
     if not hasattr(mesh, "corner_normals"):
-        return _read(mesh.polygons, "use_smooth", faces, np.bool_).view(np.uint8)
+        return read_column(mesh.polygons, "use_smooth", faces, np.bool_).view(np.uint8)
     sharp = mesh.attributes.get("sharp_face")
     if sharp is None or sharp.domain != "FACE":
         return np.ones(faces, dtype=np.uint8)
-    return np.logical_not(_read(sharp.data, "value", faces, np.bool_)).view(np.uint8)
+    return np.logical_not(read_column(sharp.data, "value", faces, np.bool_)).view(np.uint8)
 
 
 def _normals(mesh: Any, arrays: dict[str, Any]) -> None:
@@ -117,19 +117,19 @@ def _normals(mesh: Any, arrays: dict[str, Any]) -> None:
         if mesh.normals_domain == "FACE":  # all edges are sharp
             arrays["face_smooth"] = np.zeros(len(mesh.polygons), dtype=np.uint8)
         if split:
-            arrays["corner_normals"] = _read(mesh.corner_normals, "vector", len(mesh.loops), np.float32, 3)
+            arrays["corner_normals"] = read_column(mesh.corner_normals, "vector", len(mesh.loops), np.float32, 3)
             if mesh.has_custom_normals:
                 arrays["face_smooth"] = np.ones(len(mesh.polygons), dtype=np.uint8)
     else:
         split = mesh.use_auto_smooth
         if split:
             mesh.calc_normals_split()
-            arrays["corner_normals"] = _read(mesh.loops, "normal", len(mesh.loops), np.float32, 3)
+            arrays["corner_normals"] = read_column(mesh.loops, "normal", len(mesh.loops), np.float32, 3)
             mesh.free_normals_split()
             if mesh.has_custom_normals:
                 arrays["face_smooth"] = np.ones(len(mesh.polygons), dtype=np.uint8)
     if not split and arrays["face_smooth"].any():
-        arrays["vertex_normals"] = _read(mesh.vertex_normals, "vector", len(mesh.vertices), np.float32, 3)
+        arrays["vertex_normals"] = read_column(mesh.vertex_normals, "vector", len(mesh.vertices), np.float32, 3)
 
 
 # -- attributes
@@ -153,8 +153,8 @@ def _read_uv(mesh: Any, name: str) -> F32 | None:
     if layer is None:
         return None
     if hasattr(layer, "uv"):
-        return _read(layer.uv, "vector", len(mesh.loops), np.float32, 2)
-    return _read(layer.data, "uv", len(mesh.loops), np.float32, 2)
+        return read_column(layer.uv, "vector", len(mesh.loops), np.float32, 2)
+    return read_column(layer.data, "uv", len(mesh.loops), np.float32, 2)
 
 
 def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list[tuple[str, str, bool, Any]]:
@@ -197,7 +197,7 @@ def _generic(context: SyncContext, mesh: Any, attribute: Any) -> list[tuple[str,
         context.warn(f"Mesh '{mesh.name}': attribute '{attribute.name}' ({kind}, {attribute.domain}) is not supported")
         return []
     field, columns = VALUE_FIELDS[kind]
-    values = _read(attribute.data, field, len(attribute.data), INTEGERS.get(kind, np.float32), columns)
+    values = read_column(attribute.data, field, len(attribute.data), INTEGERS.get(kind, np.float32), columns)
     values = np.ascontiguousarray(values, dtype=np.float32)
     if attribute.domain == "EDGE":
         values = _edges_to_vertices(mesh, values.reshape(len(mesh.edges), columns)).reshape(-1, columns)
@@ -207,7 +207,7 @@ def _generic(context: SyncContext, mesh: Any, attribute: Any) -> list[tuple[str,
 
 def _edges_to_vertices(mesh: Any, values: F32) -> F32:
     """A vertex gets the mean of its edges."""
-    edges = _read(mesh.edges, "vertices", len(mesh.edges), np.uint32, 2).astype(np.int64)
+    edges = read_column(mesh.edges, "vertices", len(mesh.edges), np.uint32, 2).astype(np.int64)
     total = np.zeros((len(mesh.vertices), values.shape[1]), dtype=np.float32)
     count = np.zeros(len(mesh.vertices), dtype=np.float32)
     for end in (0, 1):
@@ -225,7 +225,7 @@ def _generated(mesh: Any, arrays: dict[str, Any]) -> list[tuple[str, str, bool, 
     offset = (0.5 - location * scale).astype(np.float32)
     arrays["generated_scale"] = tuple(float(v) for v in scale)
     arrays["generated_offset"] = tuple(float(v) for v in offset)
-    undeformed = _read(mesh.vertices, "undeformed_co", len(mesh.vertices), np.float32, 3)
+    undeformed = read_column(mesh.vertices, "undeformed_co", len(mesh.vertices), np.float32, 3)
     extent = float(np.abs(size).max()) if len(size) else 0.0
     if np.allclose(undeformed, arrays["positions"], rtol=0, atol=1e-5 * max(extent, 1e-6)):
         return []

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from .. import versions
 from .context import INSTANCER, PROPERTY_PREFIXES, SyncContext
+from .hashes import mixed_keys, name_key
 from .lights import light_values
 from .materials import ShaderSync
+from .strands import HairSource, hair_sources
 from .unsupported import warn_kind, warn_object
 
 VISIBILITY = (
@@ -25,6 +27,7 @@ VISIBILITY = (
 )
 IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
 SKIP, LIGHT = -1, -2
+GEOMETRY = ("MESH", "CURVES", "POINTCLOUD")
 
 
 @dataclass
@@ -44,11 +47,19 @@ class Record:
     geometry_offset: float
     holders: tuple[Any, ...]
     attribute_set: int = -1
+    hair: HairSource | None = None
+    """Strands that grow on `mesh`, instead of the mesh itself."""
+
+    def key(self) -> tuple[int, int]:
+        """What this geometry is, among all of a pass."""
+        if self.hair is None:
+            return (self.mesh.as_pointer(), -1)
+        return (self.hair.owner.original.as_pointer(), self.hair.index)
 
 
 @dataclass
 class Gathered:
-    """The result of the pass. `mesh` and `holders` of the records are Blender's: for the same callback only."""
+    """The result of the pass. `mesh`, `holders` and `hair` of the records are Blender's: for the same callback only."""
 
     records: list[Record] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
@@ -85,18 +96,20 @@ class ObjectPass:
         matrices = np.empty(count * 16, dtype=np.float32)
         out.random = np.empty(count, dtype=np.uint32)
         out.is_instance = np.empty(count, dtype=np.bool_)
-        shown = np.empty(count, dtype=np.bool_)
+        shown, hairy = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
         if count:
             instances.foreach_get("show_self", shown)
+            instances.foreach_get("show_particles", hairy)
             instances.foreach_get("matrix_world", matrices)
             instances.foreach_get("random_id", out.random)
             instances.foreach_get("is_instance", out.is_instance)
         out.matrices = matrices.reshape(count, 16)
-        cache: dict[tuple[int, int, int], int] = {}
+        cache: dict[tuple[int, int, int], tuple[int, tuple[int, ...]]] = {}
         rows, which = out.rows, out.which
         dupli, visible = out.is_instance.tolist(), shown.tolist()
+        grows = (hairy & self.view_layer.use_strand).tolist()
         for row, instance in enumerate(instances):
-            if not visible[row]:
+            if not visible[row] and not grows[row]:
                 continue
             obj = instance.object
             data = obj.data
@@ -105,16 +118,21 @@ class ObjectPass:
             parent = instance.parent if dupli[row] else None
             # Objects of instances are made for the step: their original is what lasts.
             key = (obj.original.as_pointer(), data.as_pointer(), parent.as_pointer() if parent is not None else 0)
-            index = cache.get(key)
-            if index is None:
-                index = cache[key] = self._record(obj, data, parent)
+            known = cache.get(key)
+            if known is None:
+                index = self._record(obj, data, parent) if visible[row] else SKIP
+                known = cache[key] = (index, self._hair_records(obj, data, parent) if grows[row] else ())
+            index, strands = known
             if parent is None:
                 out.random[row] = name_key(obj.name)
-            if index >= 0:
+            if index >= 0 and visible[row]:
                 rows.append(row)
                 which.append(index)
             elif index == LIGHT:
                 self._light(obj, parent, row)
+            for strand in strands:
+                rows.append(row)
+                which.append(strand)
         real = ~out.is_instance
         out.random[real] = mixed_keys(out.random[real])
         # Only now all shaders are known.
@@ -145,11 +163,30 @@ class ObjectPass:
             warn_object(self.context, obj, self.depsgraph.scene_eval)
         if kind == "LIGHT":
             return LIGHT
-        if kind != "MESH":
+        if kind not in GEOMETRY:
             warn_kind(self.context, obj)
             return SKIP
+        used = self.view_layer.use_strand if kind == "CURVES" else self.view_layer.use_solid
+        there = len(data.points) if kind != "MESH" else len(data.polygons) or data.is_editmode
+        if not used or not there:
+            return SKIP
+        return self._add_record(obj, data, parent, self._material_set(obj, data), None)
+
+    def _hair_records(self, obj: Any, data: Any, parent: Any) -> tuple[int, ...]:
+        """One for each particle system with strands."""
+        if obj.type != "MESH":
+            return ()
+        records = []
+        for source in hair_sources(obj, self.context.viewport):
+            slot = source.system.settings.material - 1
+            index = self._add_record(obj, data, parent, self._material_set(obj, data, slot), source)
+            if index >= 0:
+                records.append(index)
+        return tuple(records)
+
+    def _add_record(self, obj: Any, data: Any, parent: Any, material_set: int, hair: HairSource | None) -> int:
         visibility = self._visibility(obj, parent)
-        if not self.view_layer.use_solid or visibility == 0 or not (len(data.polygons) or data.is_editmode):
+        if visibility == 0:
             return SKIP
         cycles = versions.cycles_settings(obj)
         holder = parent if parent is not None else obj
@@ -159,7 +196,10 @@ class ObjectPass:
         if obj.is_shadow_catcher or (parent is not None and parent.is_shadow_catcher):
             flags |= IS_SHADOW_CATCHER
         source = obj.original.data if obj.original.data is not None else data
-        owners = {("Object", obj.original.name_full), ("Mesh", source.name_full), ("Mesh", data.name_full)}
+        kind = {"CURVES": "Curves", "POINTCLOUD": "PointCloud"}.get(obj.type, "Mesh")
+        owners = {("Object", obj.original.name_full), (kind, source.name_full), (kind, data.name_full)}
+        if hair is not None:
+            owners.add(("ParticleSettings", hair.system.settings.name_full))
         if parent is not None:
             owners.add(("Object", parent.original.name_full))
         shading = getattr(obj, "shadow_terminator_shading_offset", None)
@@ -169,10 +209,10 @@ class ObjectPass:
             Record(
                 mesh=data,
                 # Modified meshes have lost their name; the user knows the original's.
-                mesh_name=source.name,
+                mesh_name=source.name if hair is None else hair.system.name,
                 owners=owners,
                 name=self._name(obj.name),
-                material_set=self._material_set(obj, data),
+                material_set=material_set,
                 visibility=visibility,
                 pass_index=obj.pass_index,
                 color=tuple(obj.color),
@@ -182,6 +222,7 @@ class ObjectPass:
                     cycles.get("shadow_terminator_geometry_offset", 0.1) if geometry is None else geometry
                 ),
                 holders=holders,
+                hair=hair,
             )
         )
         return len(self.out.records) - 1
@@ -203,11 +244,14 @@ class ObjectPass:
             self.out.names.append(name)
         return index
 
-    def _material_set(self, obj: Any, data: Any) -> int:
+    def _material_set(self, obj: Any, data: Any, only: int | None = None) -> int:
+        """The materials of an object's slots; of hair the one slot it names, or the last."""
         if self.override is not None:
             handles: tuple[int, ...] = (self.shaders.material(self.override),)
         else:
             materials = [slot.material for slot in obj.material_slots] or list(data.materials)
+            if only is not None:
+                materials = materials[max(0, min(only, len(materials) - 1)) :][:1]
             handles = tuple(self.shaders.material(m) if m is not None else -1 for m in materials)
         index = self._sets.get(handles)
         if index is None:
@@ -232,32 +276,6 @@ class ObjectPass:
             index = self._attributes[key] = len(self.out.attribute_sets)
             self.out.attribute_sets.append(values)
         return index
-
-
-def name_key(name: str) -> int:
-    """Blender's hash of a name."""
-    key = 0
-    for byte in name.encode():
-        key = (key * 37 + byte) & 0xFFFFFFFF
-    return key
-
-
-def mixed_keys(keys: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Object Info's Random of objects that are no instances: their name's hash and a zero, mixed
-    [Jenkins 2006, "lookup3"]."""
-    start = np.uint32((0xDEADBEEF + (2 << 2) + 13) & 0xFFFFFFFF)
-    a, b, c = keys + start, np.full_like(keys, start), np.full_like(keys, start)
-
-    def mix(left: NDArray[np.uint32], right: NDArray[np.uint32], bits: int) -> NDArray[np.uint32]:
-        return (left ^ right) - ((right << np.uint32(bits)) | (right >> np.uint32(32 - bits)))
-
-    c = mix(c, b, 14)
-    a = mix(a, c, 11)
-    b = mix(b, a, 25)
-    c = mix(c, b, 16)
-    a = mix(a, c, 4)
-    b = mix(b, a, 14)
-    return mix(c, b, 24)
 
 
 def named_property(holder: Any, name: str) -> tuple[float, ...] | None:

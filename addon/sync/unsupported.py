@@ -5,7 +5,7 @@ from typing import Any
 from .. import versions
 from .context import SyncContext
 
-KINDS = {"CURVES": "hair curves", "POINTCLOUD": "point clouds", "VOLUME": "volumes"}
+KINDS = {"VOLUME": "volumes"}
 """Kinds of object that are left out. (Grease pencil is drawn by Blender, over the finished picture.)"""
 
 
@@ -18,10 +18,6 @@ def warn_kind(context: SyncContext, obj: Any) -> None:
 def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
     """An object with something on it that is left out."""
     where = f"Object '{obj.name}'"
-    for system in obj.particle_systems:
-        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-            context.warn(f"{where}: particle hair is not supported yet and not rendered")
-            break
     linking = getattr(obj, "light_linking", None)
     if linking is not None and (linking.receiver_collection is not None or linking.blocker_collection is not None):
         context.warn(f"{where}: light linking is not supported yet; its light reaches everything")

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "geometry/coincident.h"
+#include "geometry/embree_geometry.h"
 
 namespace talbot::geometry {
 namespace {
@@ -150,41 +151,12 @@ struct Builder {
     DeviceState& state;
     Progress& progress;
 
-    /// Triangles in object space, or in world space when `to_world` is given. Indices are lent, the mesh outlives the geometry.
-    GeometryPtr make_triangles(const MeshEntry& entry, const Affine* to_world) {
-        const scene::Mesh& mesh = *entry.mesh;
-        const size_t vertices = mesh.positions.size(), triangles = mesh.triangle_count();
-        GeometryPtr geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
-        check(state, mesh.name);
-        // Embree's own buffers are padded for its 16-byte loads; the scene's vectors are not.
-        auto* out = static_cast<float*>(rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), vertices));
-        if (entry.repeated.empty()) {
-            rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangle_vertices.data(), 0, 3 * sizeof(uint32_t),
-                                       triangles);
-        } else {
-            auto* indices =
-                static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t), triangles));
-            check(state, mesh.name);
-            std::memcpy(indices, mesh.triangle_vertices.data(), triangles * 3 * sizeof(uint32_t));
-            for (uint32_t i : entry.repeated) std::fill_n(indices + 3 * size_t(i), 3, indices[3 * size_t(i)]);  // no area: never hit
-        }
-        check(state, mesh.name);
-        constexpr size_t block = 1 << 18;
-        for (size_t begin = 0; begin < vertices; begin += block) {
+    /// Primitives in object space, or in world space when `to_world` is given. The mesh outlives the geometry.
+    GeometryPtr make(const MeshEntry& entry, const Affine* to_world) {
+        GeometryPtr geometry(make_geometry(device, *entry.mesh, entry.repeated, to_world, [&] {
             if (!progress.report(0)) throw Cancelled{};
-            const size_t end = std::min(vertices, begin + block);
-            if (!to_world) {
-                std::memcpy(out + 3 * begin, mesh.positions.data() + begin, (end - begin) * sizeof(Vec3));
-                continue;
-            }
-            for (size_t i = begin; i < end; ++i) {
-                const Vec3 p = mesh.positions[i];
-                for (int row = 0; row < 3; ++row) {
-                    const float* m = to_world->m[row];
-                    out[3 * i + size_t(row)] = float(double(m[0]) * p.x + double(m[1]) * p.y + double(m[2]) * p.z + m[3]);
-                }
-            }
-        }
+        }));
+        check(state, entry.mesh->name);
         return geometry;
     }
 
@@ -261,7 +233,8 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     for (size_t i = 0; i < objects; ++i) {
         const scene::ObjectView& object = tables.view.objects[i];
         const auto& mesh = mesh_of(i);
-        if (mesh && mesh->triangle_count() > 0 && object.visibility != 0 && is_finite(object.to_world) && rank(object.to_world) >= 2) meshes_of[i] = mesh.get();
+        if (mesh && mesh->primitive_count() > 0 && object.visibility != 0 && is_finite(object.to_world) && rank(object.to_world) >= 2)
+            meshes_of[i] = mesh.get();
     }
     const std::unordered_set<const scene::Mesh*> used(meshes_of.begin(), meshes_of.end());
     std::erase_if(meshes, [&](const auto& entry) { return !used.contains(entry.first); });
@@ -271,27 +244,31 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
         entry.uses = 0;
         entry.instanced = false;
         if (entry.mesh) continue;
-        entry.repeated = repeated_triangles(*meshes_of[i], [&] {
-            if (!builder.progress.report(0)) throw Cancelled{};
-        });
+        if (meshes_of[i]->kind == scene::GeometryKind::Triangles) {
+            entry.repeated = repeated_triangles(*meshes_of[i], [&] {
+                if (!builder.progress.report(0)) throw Cancelled{};
+            });
+        }
         entry.mesh = mesh_of(i);
     }
     const std::vector<uint32_t> masks = unshadowed_visibility(tables, meshes_of);
 
-    // How. A map that squashes the mesh flat has no inverse, so it cannot be an instance.
+    // How. A map that squashes the mesh flat has no inverse, so it cannot be an instance; round things stay round in their own space only.
     std::vector<Placement> how(objects, Placement::Absent);
     double top_triangles = 0;
     for (size_t i = 0; i < objects; ++i) {
         if (masks[i] == 0) continue;
+        const bool round = meshes_of[i]->kind != scene::GeometryKind::Triangles;
+        if (round && rank(tables.view.objects[i].to_world) == 2) continue;
         how[i] = rank(tables.view.objects[i].to_world) == 2 ? Placement::Flattened : Placement::Instanced;
         if (how[i] == Placement::Instanced) ++meshes[meshes_of[i]].uses;
     }
     for (size_t i = 0; i < objects; ++i) {
         if (how[i] == Placement::Absent) continue;
         MeshEntry& entry = meshes[meshes_of[i]];
-        if (flatten && entry.uses == 1) how[i] = Placement::Flattened;
+        if (flatten && entry.uses == 1 && entry.mesh->kind == scene::GeometryKind::Triangles) how[i] = Placement::Flattened;
         if (how[i] == Placement::Instanced) entry.instanced = true;
-        top_triangles += how[i] == Placement::Flattened ? double(entry.mesh->triangle_count()) : 1;
+        top_triangles += how[i] == Placement::Flattened ? double(entry.mesh->primitive_count()) : 1;
     }
 
     // Hierarchies of meshes that are instanced.
@@ -299,7 +276,7 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     double triangles = 0;
     for (auto& [key, entry] : meshes) {
         if (!entry.instanced || (flatten && !high_quality)) entry.scene.reset();
-        if (entry.instanced && !entry.scene) triangles += double(key->triangle_count());
+        if (entry.instanced && !entry.scene) triangles += double(key->primitive_count());
     }
     high_quality = flatten;
     builder.progress.total = triangles + top_triangles + 1;
@@ -308,11 +285,11 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
         MeshEntry& entry = meshes.at(mesh_of(i).get());
         if (entry.scene) continue;
         ScenePtr scene = builder.new_scene(quality);
-        const GeometryPtr geometry = builder.make_triangles(entry, nullptr);
+        const GeometryPtr geometry = builder.make(entry, nullptr);
         rtcSetGeometryMask(geometry.get(), ~0u);
         rtcCommitGeometry(geometry.get());
         rtcAttachGeometryByID(scene.get(), geometry.get(), 0);
-        builder.commit(scene.get(), double(entry.mesh->triangle_count()), "Mesh '" + entry.mesh->name + "'");
+        builder.commit(scene.get(), double(entry.mesh->primitive_count()), "Mesh '" + entry.mesh->name + "'");
         entry.scene = std::move(scene);
         entry.generation = ++generation;
     }
@@ -349,7 +326,7 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
                 rtcSetGeometryInstancedScene(was.geometry.get(), entry.scene.get());
                 rtcSetGeometryTimeStepCount(was.geometry.get(), 1);
             } else {
-                was.geometry = builder.make_triangles(entry, &object.to_world);
+                was.geometry = builder.make(entry, &object.to_world);
             }
             rtcAttachGeometryByID(top.get(), was.geometry.get(), unsigned(i));
         }
@@ -417,7 +394,9 @@ size_t estimate_bytes(const scene::SceneTables& tables) {
         bytes += 400;
         if (counted[size_t(object.mesh)]) continue;
         counted[size_t(object.mesh)] = true;
-        bytes += 3500 + 150 * size_t(tables.meshes[size_t(object.mesh)].triangle_count);
+        const scene::MeshView& mesh = tables.meshes[size_t(object.mesh)];
+        const size_t each = mesh.kind == scene::GeometryKind::Triangles ? 150 : mesh.kind == scene::GeometryKind::Curves ? 250 : 120;
+        bytes += 3500 + each * size_t(mesh.primitive_count) * size_t(mesh.motion_steps);
     }
     return bytes;
 }

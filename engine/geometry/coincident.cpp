@@ -112,7 +112,8 @@ std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::fun
 std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, std::span<const scene::Mesh* const> meshes) {
     // Hash of the map and of a few numbers of the mesh; then the first of every equal set keeps what all before it do not see.
     const auto same_mesh = [](const scene::Mesh& a, const scene::Mesh& b) {
-        return &a == &b || (a.triangle_vertices == b.triangle_vertices && a.positions.size() == b.positions.size() &&
+        return &a == &b || (a.kind == scene::GeometryKind::Triangles && b.kind == a.kind && a.motion_steps == 1 && b.motion_steps == 1 &&
+                            a.triangle_vertices == b.triangle_vertices && a.positions.size() == b.positions.size() &&
                             std::equal(a.positions.begin(), a.positions.end(), b.positions.begin(), equal));
     };
     std::vector<uint32_t> masks(meshes.size(), 0);

@@ -12,6 +12,10 @@
 /// so that a floor at z = 0 keeps next to none however wide it is; 1/512 of the box's components stands for what n_g itself is off, and a sliver adds
 /// what the tracer's own normal loses.
 ///
+/// Curves and points. Ribbons face the ray but are shaded as round: p is the point of the round fibre in front, n_s = n_g its normal, v where the ray
+/// crosses it from side to side (-1 to 1; thick curves get the same), backfacing 0. A fibre is one surface, met once: light that a closure sends through it
+/// starts behind it. For this `error` is negative, minus the fibre's radius, and offset_origin knows what to do. Points are spheres, seen from outside only.
+///
 /// p is kept a few boxes away from the edges of its triangle, within the surface: where two faces meet in a corner, a rounded p might else lie behind the other
 /// face, and its rays would leak out.
 #pragma once
@@ -26,13 +30,16 @@ inline namespace TALBOT_ISA {  // kernels
 
 /// Fills p, n_s, n_g, backfacing, primitive, object, u, v of `out` for hits[index[i]], i < n, given wo (already in out.wo).
 /// Positions come from the triangle's vertices, not from o + t d. `error[i]`, m, bounds how far p is from the traced triangle along n_g (see above).
-/// n_s falls back to n_g where the triangle is flat or the interpolated normal vanishes. Every lane must be a hit.
-void shade_points(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, shader::ShadingSpan& out, float* error);
+/// n_s falls back to n_g where the triangle is flat or the interpolated normal vanishes. Every lane must be a hit. `origin` is where the rays came from, by
+/// lane like `hits`; only hits of thick curves and points need it.
+void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstColumns3 origin, const int32_t* index, int n, shader::ShadingSpan& out,
+                  float* error);
 
 /// Shader handle of each hit (material slot resolved), never -1. Every lane must be a hit.
 void hit_shaders(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, int32_t* shader);
 
-/// Moves p off the surface to the side of `direction`, by the position's error bound: no acne and no leaks at any scale. `origin` may be p itself.
+/// Moves p off the surface to the side of `direction`, by the position's error bound: no acne and no leaks at any scale; through curves (negative errors) to
+/// the other side. `origin` may be p itself.
 void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, const float* error, int n, Columns3 origin);
 
 }  // namespace TALBOT_ISA

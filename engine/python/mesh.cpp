@@ -2,6 +2,7 @@
 
 #include "python/native_session.h"
 #include "scene/mesh_build.h"
+#include "scene/strand_build.h"
 
 namespace talbot::python {
 namespace {
@@ -15,7 +16,7 @@ Domain read_domain(const std::string& text) {
     throw Error("Unknown attribute domain '" + text + "'");
 }
 
-void read_attributes(ArrayDict& arrays, MeshInput& input) {
+void read_attributes(ArrayDict& arrays, std::vector<MeshInputAttribute>& out) {
     const py::object list = arrays.value("attributes");
     if (list.is_none()) return;
     for (const py::handle item : list) {
@@ -36,7 +37,7 @@ void read_attributes(ArrayDict& arrays, MeshInput& input) {
             a.components = int(buffer.columns());
             a.floats = {static_cast<const float*>(buffer.data()), buffer.size()};
         }
-        input.attributes.push_back(std::move(a));
+        out.push_back(std::move(a));
     }
 }
 
@@ -53,7 +54,38 @@ Vec3 optional_vector(ArrayDict& arrays, const char* name, Vec3 fallback) {
     return {py::cast<float>(items[0]), py::cast<float>(items[1]), py::cast<float>(items[2])};
 }
 
+CurveShape read_shape(const std::string& text) {
+    if (text == "ribbon") return CurveShape::Ribbon;
+    if (text == "thick") return CurveShape::Thick;
+    if (text == "thick_linear") return CurveShape::ThickLinear;
+    throw Error("Unknown curve shape '" + text + "'");
+}
+
+std::shared_ptr<const Mesh> read_strands(NativeSession& native, const std::string& name, const py::dict& values) {
+    ArrayDict arrays(values);
+    if (!values.contains("positions")) throw py::key_error("Curves and points need 'positions'");
+    StrandInput input;
+    input.name = name;
+    input.positions = arrays.get<float>("positions", 3);
+    input.radii = arrays.get<float>("radii", 1);
+    input.curve_starts = arrays.get<uint32_t>("curve_starts", 1);
+    if (values.contains("curve_starts") && input.curve_starts.empty()) throw py::value_error("'curve_starts' must have at least one element");
+    const std::string shape = optional_text(arrays, "curve_shape");
+    if (!shape.empty()) input.shape = read_shape(shape);
+    const py::object subdivisions = arrays.value("curve_subdivisions");
+    if (!subdivisions.is_none()) input.subdivisions = py::cast<int>(subdivisions);
+    read_attributes(arrays, input.attributes);
+    input.active_uv = optional_text(arrays, "active_uv");
+    input.active_color = optional_text(arrays, "active_color");
+    input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);
+    input.generated_scale = optional_vector(arrays, "generated_scale", input.generated_scale);
+    arrays.finish("A mesh of curves or points");
+    const py::gil_scoped_release released;
+    return std::make_shared<const Mesh>(build_strands(input, native.session.report()));
+}
+
 std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& name, const py::dict& values) {
+    if (values.contains("radii")) return read_strands(native, name, values);
     ArrayDict arrays(values);
     for (const char* required : {"positions", "corner_vertices", "triangle_corners"}) {
         if (!values.contains(required)) throw py::key_error("A mesh needs '" + std::string(required) + "'");
@@ -68,7 +100,7 @@ std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& 
     input.face_smooth = arrays.get<uint8_t>("face_smooth", 1);
     input.vertex_normals = arrays.get<float>("vertex_normals", 3);
     input.corner_normals = arrays.get<float>("corner_normals", 3);
-    read_attributes(arrays, input);
+    read_attributes(arrays, input.attributes);
     input.active_uv = optional_text(arrays, "active_uv");
     input.active_color = optional_text(arrays, "active_color");
     input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);

@@ -13,7 +13,7 @@ Error mesh_error(const MeshInput& input, const std::string& what) {
     return Error(what, "Mesh '" + input.name + "'");
 }
 
-/// sRGB byte -> linear [IEC 61966-2-1].
+/// [IEC 61966-2-1]
 std::array<float, 256> make_srgb_table() {
     std::array<float, 256> table{};
     for (int i = 0; i < 256; ++i) {
@@ -66,10 +66,9 @@ Attribute copy_attribute(const MeshInput& input, const MeshInputAttribute& from,
     out.is_color = from.is_color;
     if (!from.bytes.empty()) {
         check_length(input, from.bytes.size() / 4, elements, from.name.c_str());
-        static const std::array<float, 256> table = make_srgb_table();
         out.components = 4;
         out.data.resize(from.bytes.size());
-        for (size_t i = 0; i < from.bytes.size(); ++i) out.data[i] = i % 4 == 3 ? float(from.bytes[i]) / 255.0f : table[from.bytes[i]];
+        for (size_t i = 0; i < from.bytes.size(); ++i) out.data[i] = i % 4 == 3 ? float(from.bytes[i]) / 255.0f : linear_of_srgb_byte(from.bytes[i]);
         return out;
     }
     if (from.components < 1 || from.components > 4) throw mesh_error(input, "attribute '" + from.name + "' has an impossible number of components");
@@ -95,6 +94,11 @@ void repair_normals(const Mesh& mesh, const std::vector<uint32_t>& triangle_elem
 }
 
 }  // namespace
+
+float linear_of_srgb_byte(uint8_t byte) {
+    static const std::array<float, 256> table = make_srgb_table();
+    return table[byte];
+}
 
 Mesh build_mesh(const MeshInput& input, Report& report) {
     const size_t vertices = input.positions.size() / 3, corners = input.corner_vertices.size(), triangles = input.triangle_corners.size() / 3;

@@ -38,6 +38,9 @@ struct MeshInput {
     Vec3 generated_offset, generated_scale{1, 1, 1};
 };
 
+/// sRGB byte -> linear.
+float linear_of_srgb_byte(uint8_t byte);
+
 /// Throws Error (an index out of bounds, an array of a wrong length), naming the mesh. Triangles with NaN or infinite vertices are
 /// dropped with a warning, triangles without area silently: they would trace as nothing.
 Mesh build_mesh(const MeshInput& input, Report& report);

@@ -29,7 +29,8 @@ enum Visibility : uint32_t {
 
 enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };
 
-/// A named value over a domain. Corner attributes are indexed by corner, face attributes by Blender's face.
+/// A named value over a domain. Corner attributes are indexed by corner, face attributes by Blender's face. Of curves Vertex is a key and Face a
+/// curve, of points Vertex is a point; they have no other domains but Object.
 struct Attribute {
     std::string name;  ///< Blender's name; "UVMap" and the like, Generated is "@generated" (vertex), tangents "@tangent:UVMap" (corner, 4 components, w = sign)
     Domain domain = Domain::Vertex;
@@ -38,10 +39,18 @@ struct Attribute {
     std::vector<float> data;
 };
 
-/// Triangles after modifiers. Blender's own diagonals.
+/// What a mesh is made of, that is: what a primitive is.
+enum class GeometryKind : uint8_t { Triangles, Curves, Points };
+
+/// How curves are traced: a ribbon that faces the ray and is shaded as if it were round, a swept circle, or cones between the keys.
+enum class CurveShape : uint8_t { Ribbon, Thick, ThickLinear };
+
+/// Triangles after modifiers, with Blender's own diagonals; or curves (Catmull-Rom through their keys), or points, which are spheres. What the latter two have
+/// besides positions, attributes and generated coordinates is named below; the rest of them is empty.
 struct Mesh {
     std::string name;
-    std::vector<Vec3> positions;               ///< object space, one a vertex
+    GeometryKind kind = GeometryKind::Triangles;
+    std::vector<Vec3> positions;               ///< object space, one a vertex, key or point
     std::vector<uint32_t> triangle_vertices;   ///< 3 a triangle
     std::vector<uint32_t> triangle_corners;    ///< 3 a triangle, index into corners; empty when nothing is stored a corner
     std::vector<uint32_t> triangle_faces;      ///< 1 a triangle; empty when triangles are faces
@@ -53,7 +62,19 @@ struct Mesh {
     std::string active_uv;                            ///< name of the render UV map, "" when none
     std::string active_color;                         ///< name of the render colour attribute
     Vec3 generated_offset, generated_scale{1, 1, 1};  ///< generated = position * scale + offset, where there is no "@generated" attribute
+    std::vector<float> radii;                         ///< curves and points: one a position, object space
+    CurveShape curve_shape = CurveShape::Ribbon;
+    int32_t curve_subdivisions = 2;        ///< ribbons: pieces a segment, less one
+    std::vector<uint32_t> curve_starts;    ///< first key of each curve, at least two keys each; and the end of the last
+    std::vector<uint32_t> segment_keys;    ///< first key of each segment; a segment is a primitive and joins two keys
+    std::vector<uint32_t> segment_curves;  ///< its curve
+    int32_t motion_steps = 1;              ///< moments spread evenly over the shutter at which the shape is known; 1: it keeps its shape
+    std::vector<Vec3> motion_positions;    ///< `positions` of each step, one step after the other; straight lines in between
+    std::vector<Vec3> motion_normals;      ///< corner_normals (where there are none vertex_normals) of each step; empty: they stay
     size_t triangle_count() const { return triangle_vertices.size() / 3; }
+    size_t primitive_count() const {
+        return kind == GeometryKind::Triangles ? triangle_count() : kind == GeometryKind::Curves ? segment_keys.size() : positions.size();
+    }
 };
 
 /// One visible thing: a mesh placed in the world. Instances share the mesh; what many objects share is a handle, so that a million instances stay small.

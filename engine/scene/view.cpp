@@ -8,6 +8,14 @@ namespace {
 void view_attributes(const std::vector<Attribute>& from, const std::vector<std::string>& names, const Mesh* mesh, AttributeView* out) {
     for (size_t id = 0; id < names.size(); ++id) {
         const std::string& asked = names[id];
+        if (mesh && asked == kRadius) {
+            if (!mesh->radii.empty()) out[id] = {mesh->radii.data(), Domain::Vertex, 1, false};
+            continue;
+        }
+        if (mesh && asked == kCenter) {
+            if (!mesh->positions.empty()) out[id] = {&mesh->positions.front().x, Domain::Vertex, 3, false};
+            continue;
+        }
         std::string name = asked;
         if (mesh && asked == kActiveUv) name = mesh->active_uv;
         if (mesh && asked == kActiveColor) name = mesh->active_color;
@@ -25,6 +33,10 @@ const T* data_or_null(const std::vector<T>& v) {
 
 }  // namespace
 
+int ribbon_pieces(const Mesh& mesh) {
+    return std::clamp(mesh.curve_subdivisions, 0, 15) + 1;
+}
+
 AttributeId SceneTables::attribute_id(const std::string& name) {
     const auto found = std::find(attribute_names.begin(), attribute_names.end(), name);
     if (found != attribute_names.end()) return AttributeId(found - attribute_names.begin());
@@ -40,6 +52,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     tables.attributes.assign((meshes + sets) * names, {});
     const auto row = [&](size_t i) { return names == 0 ? nullptr : tables.attributes.data() + i * names; };
     tables.meshes.assign(meshes, {});
+    tables.view.has_strands = false;
     for (size_t i = 0; i < meshes; ++i) {
         if (!scene.meshes[i]) continue;
         const Mesh& mesh = *scene.meshes[i];
@@ -57,6 +70,20 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.generated_offset = mesh.generated_offset;
         out.generated_scale = mesh.generated_scale;
         out.triangle_count = uint32_t(mesh.triangle_count());
+        out.primitive_count = uint32_t(mesh.primitive_count());
+        out.motion_steps = mesh.motion_steps;
+        out.motion_positions = data_or_null(mesh.motion_positions);
+        out.motion_normals = data_or_null(mesh.motion_normals);
+        out.position_count = uint32_t(mesh.positions.size());
+        out.normal_count = uint32_t(mesh.corner_normals.empty() ? mesh.vertex_normals.size() : mesh.corner_normals.size());
+        out.kind = mesh.kind;
+        out.curve_shape = mesh.curve_shape;
+        out.ribbon_pieces = ribbon_pieces(mesh);
+        out.radii = data_or_null(mesh.radii);
+        out.curve_starts = data_or_null(mesh.curve_starts);
+        out.segment_keys = data_or_null(mesh.segment_keys);
+        out.segment_curves = data_or_null(mesh.segment_curves);
+        tables.view.has_strands |= mesh.kind != GeometryKind::Triangles;
     }
     for (size_t i = 0; i < sets; ++i) view_attributes(scene.object_attribute_sets[i], tables.attribute_names, nullptr, row(meshes + i));
 

@@ -18,6 +18,18 @@ using AttributeId = int32_t;
 inline constexpr const char* kActiveUv = "@uv";
 inline constexpr const char* kActiveColor = "@color";
 inline constexpr const char* kActiveTangent = "@tangent";
+/// Radius at the keys of curves and of points, object space.
+inline constexpr const char* kRadius = "@radius";
+/// Positions of keys and points, object space.
+inline constexpr const char* kCenter = "@center";
+/// What the synchronisation stores under these names: a curve's way from its root at each key (0 to 1), a curve's length (object space), a number of
+/// 0 to 1 for each curve or point.
+inline constexpr const char* kIntercept = "@intercept";
+inline constexpr const char* kLength = "@length";
+inline constexpr const char* kRandom = "@random";
+
+/// How many straight pieces a ribbon's segment is traced as: 1 to 16.
+int ribbon_pieces(const Mesh& mesh);
 
 struct AttributeView {
     const float* data = nullptr;  ///< null: the mesh has no such attribute
@@ -38,6 +50,18 @@ struct MeshView {
     const AttributeView* attributes = nullptr;  ///< SceneView::attribute_count entries
     Vec3 generated_offset, generated_scale;
     uint32_t triangle_count = 0;
+    uint32_t primitive_count = 0;
+    int32_t motion_steps = 1;
+    uint32_t position_count = 0, normal_count = 0;  ///< of a motion step
+    const Vec3* motion_positions = nullptr;         ///< null: the shape stays
+    const Vec3* motion_normals = nullptr;
+    GeometryKind kind = GeometryKind::Triangles;
+    CurveShape curve_shape = CurveShape::Ribbon;
+    int32_t ribbon_pieces = 1;  ///< straight pieces that the tracer makes of a ribbon's segment
+    const float* radii = nullptr;
+    const uint32_t* curve_starts = nullptr;
+    const uint32_t* segment_keys = nullptr;
+    const uint32_t* segment_curves = nullptr;
 };
 
 struct ObjectView {
@@ -63,6 +87,7 @@ struct SceneView {
     const MeshView* meshes = nullptr;
     const int32_t* material_slots = nullptr;  ///< shader handle; a missing material is the default shader (see SceneTables::default_shader)
     int32_t attribute_count = 0;
+    bool has_strands = false;  ///< some mesh is made of curves or points
     const Settings* settings = nullptr;
     const Camera* camera = nullptr;
 };

@@ -26,8 +26,44 @@ void check_length(const std::vector<T>& list, size_t n, const char* name, const 
     demand(list.empty() || list.size() == n, std::string("the wrong number of ") + name, where);
 }
 
+void check_attribute(const Attribute& attribute, size_t elements, const std::string& where) {
+    const std::string attribute_where = where + " > attribute '" + attribute.name + "'";
+    demand(attribute.components >= 1 && attribute.components <= 4, "not 1 to 4 components", attribute_where);
+    demand(attribute.data.size() / attribute.components >= elements, "too few values", attribute_where);
+}
+
+/// Curves and points: what the build makes sure of, for scenes that come from elsewhere.
+void check_strands(const Mesh& mesh, const std::string& where) {
+    const bool curves = mesh.kind == GeometryKind::Curves;
+    const size_t count = curves && !mesh.curve_starts.empty() ? mesh.curve_starts.size() - 1 : 0;
+    demand(mesh.triangle_vertices.empty() && mesh.triangle_materials.empty() && mesh.triangle_smooth.empty() && mesh.vertex_normals.empty() &&
+               mesh.corner_normals.empty(),
+           "triangles beside curves or points", where);
+    demand(mesh.radii.size() == mesh.positions.size(), "the wrong number of radii", where);
+    demand(mesh.segment_keys.size() == mesh.segment_curves.size(), "the wrong number of segments", where);
+    for (size_t i = 0; i < count; ++i)
+        demand(mesh.curve_starts[i] < mesh.curve_starts[i + 1] && mesh.curve_starts[i + 1] <= mesh.positions.size(), "a curve without keys", where);
+    for (size_t i = 0; i < mesh.segment_keys.size(); ++i) {
+        const size_t curve = mesh.segment_curves[i];
+        demand(curve < count && mesh.segment_keys[i] >= mesh.curve_starts[curve] && mesh.segment_keys[i] + 1 < mesh.curve_starts[curve + 1],
+               "a segment outside its curve", where);
+    }
+    for (const Attribute& attribute : mesh.attributes) {
+        demand(attribute.domain == Domain::Vertex || (curves && attribute.domain == Domain::Face) || attribute.domain == Domain::Object,
+               "a domain that curves and points do not have", where + " > attribute '" + attribute.name + "'");
+        check_attribute(attribute, attribute.domain == Domain::Vertex ? mesh.positions.size() : attribute.domain == Domain::Face ? count : 1, where);
+    }
+}
+
 void check_mesh(const Mesh& mesh) {
     const std::string where = "Mesh '" + mesh.name + "'";
+    // As many as Embree takes.
+    demand(mesh.motion_steps >= 1 && mesh.motion_steps <= 129, "an impossible number of motion steps", where);
+    const size_t steps = mesh.motion_steps > 1 ? size_t(mesh.motion_steps) : 0,
+                 normals = (mesh.corner_normals.empty() ? mesh.vertex_normals : mesh.corner_normals).size();
+    demand(mesh.motion_positions.size() == mesh.positions.size() * steps, "the wrong number of positions in motion", where);
+    check_length(mesh.motion_normals, normals * steps, "normals in motion", where);
+    if (mesh.kind != GeometryKind::Triangles) return check_strands(mesh, where);
     const size_t triangles = mesh.triangle_count();
     demand(mesh.triangle_vertices.size() % 3 == 0, "half a triangle", where);
     demand(bound_of(mesh.triangle_vertices) <= mesh.positions.size(), "a vertex that does not exist", where);
@@ -40,15 +76,13 @@ void check_mesh(const Mesh& mesh) {
     const bool has_corners = !mesh.triangle_corners.empty() || triangles == 0;
     demand(mesh.corner_normals.empty() || (has_corners && mesh.corner_normals.size() >= corners), "too few corner normals", where);
     for (const Attribute& attribute : mesh.attributes) {
-        const std::string attribute_where = where + " > attribute '" + attribute.name + "'";
-        demand(attribute.components >= 1 && attribute.components <= 4, "not 1 to 4 components", attribute_where);
-        demand(attribute.domain != Domain::Corner || has_corners, "corner values on a mesh without corners", attribute_where);
+        demand(attribute.domain != Domain::Corner || has_corners, "corner values on a mesh without corners", where + " > attribute '" + attribute.name + "'");
         const size_t elements = attribute.domain == Domain::Vertex     ? mesh.positions.size()
                                 : attribute.domain == Domain::Corner   ? corners
                                 : attribute.domain == Domain::Face     ? faces
                                 : attribute.domain == Domain::Triangle ? triangles
                                                                        : 1;
-        demand(attribute.data.size() / attribute.components >= elements, "too few values", attribute_where);
+        check_attribute(attribute, elements, where);
     }
 }
 

@@ -20,11 +20,17 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
     return int(Domain::Object);
+}
+constexpr int last_of(GeometryKind) {
+    return int(GeometryKind::Points);
+}
+constexpr int last_of(CurveShape) {
+    return int(CurveShape::ThickLinear);
 }
 constexpr int last_of(LightType) {
     return int(LightType::Area);
@@ -71,6 +77,16 @@ template <class A>
 void fields(A& a, Is<Mesh> auto& s) {
     a(s.name, s.positions, s.triangle_vertices, s.triangle_corners, s.triangle_faces, s.triangle_materials, s.triangle_smooth, s.vertex_normals,
       s.corner_normals, s.attributes, s.active_uv, s.active_color, s.generated_offset, s.generated_scale);
+    a.since(2, s.kind);
+    a.since(2, s.radii);
+    a.since(2, s.curve_shape);
+    a.since(2, s.curve_subdivisions);
+    a.since(2, s.curve_starts);
+    a.since(2, s.segment_keys);
+    a.since(2, s.segment_curves);
+    a.since(2, s.motion_steps);
+    a.since(2, s.motion_positions);
+    a.since(2, s.motion_normals);
 }
 template <class A>
 void fields(A& a, Is<Object> auto& s) {

@@ -180,11 +180,32 @@ void compile_particle_info(NodeContext& n) {
     for (const char* name : {"Location", "Velocity", "Angular Velocity"}) n.set_vector(name, n.e.spread(zero));
 }
 
-/// Meshes are no strands, points or volumes: what these nodes say about them is zero, as in Cycles.
+void compile_hair_info(NodeContext& n) {
+    Expressions& e = n.e;
+    n.set("Is Strand", e.emit(Op::ObjectValue, uint8_t(ObjectField::IsCurve), std::span<const Value>{}));
+    n.set("Intercept", n.attribute(scene::kIntercept)[0]);
+    n.set("Length", n.attribute(scene::kLength)[0]);
+    n.set("Thickness", e.mul(n.attribute(scene::kRadius)[0], 2.0f));
+    // A point has neither a tangent nor a random number of a curve.
+    const Value is_curve = e.emit(Op::ObjectValue, uint8_t(ObjectField::IsCurve), std::span<const Value>{});
+    n.set("Random", e.mul(is_curve, n.attribute(scene::kRandom)[0]));
+    const Value3 tangent = e.triple(e.emit(Op::CurveTangent, 0, std::span<const Value>{}, 3)), wo = n.incoming();
+    n.set_vector("Tangent Normal", e.mul(e.normalize(e.sub(wo, e.mul(tangent, e.dot(tangent, wo)))), is_curve));
+}
+
+void compile_point_info(NodeContext& n) {
+    Expressions& e = n.e;
+    const auto center = n.attribute(scene::kCenter);
+    const Value is_point = e.emit(Op::ObjectValue, uint8_t(ObjectField::IsPoint), std::span<const Value>{});
+    n.set_vector("Position", e.mul(n.to_object({center[0], center[1], center[2]}, TransformKind::PointToWorld), is_point));
+    n.set("Radius", e.mul(n.attribute(scene::kRadius)[0], is_point));
+    n.set("Random", e.mul(n.attribute(scene::kRandom)[0], is_point));
+}
+
+/// Surfaces are no volumes: what these nodes say about them is zero, as in Cycles.
 void compile_not_this_geometry(NodeContext& n) {
     const Value zero = n.e.literal(0);
-    for (const char* name : {"Is Strand", "Intercept", "Length", "Thickness", "Random", "Radius", "Density", "Flame", "Temperature"}) n.set(name, zero);
-    for (const char* name : {"Tangent Normal", "Position"}) n.set_vector(name, n.e.spread(zero));
+    for (const char* name : {"Density", "Flame", "Temperature"}) n.set(name, zero);
     n.set_color("Color", n.e.spread(zero));
 }
 
@@ -220,8 +241,8 @@ constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeLayerWeight", compile_layer_weight},
     {"ShaderNodeLightFalloff", compile_light_falloff},
     {"ShaderNodeParticleInfo", compile_particle_info},
-    {"ShaderNodeHairInfo", compile_not_this_geometry},
-    {"ShaderNodePointInfo", compile_not_this_geometry},
+    {"ShaderNodeHairInfo", compile_hair_info},
+    {"ShaderNodePointInfo", compile_point_info},
     {"ShaderNodeVolumeInfo", compile_not_this_geometry},
     {"ShaderNodeAmbientOcclusion", compile_ambient_occlusion},
     {"ShaderNodeBevel", compile_bevel},

@@ -30,6 +30,7 @@ enum class Op : uint16_t {
     ObjectValue,        ///< -> x. variant: ObjectField
     Instancer,          ///< -> 5: dupli generated (3), dupli uv (2)
     ShiftBarycentrics,  ///< world offset vector -> u', v'
+    CurveTangent,       ///< -> unit vector along the curve from its root, world space; zero where there is no curve
 
     // Colour
     Blend,          ///< factor, a rgb, b rgb -> rgb. variant: BlendKind
@@ -173,7 +174,7 @@ enum class InputColumn : uint8_t {
 
 enum class TransformKind : uint8_t { PointToObject, VectorToObject, NormalToObject, PointToWorld, VectorToWorld, NormalToWorld };
 enum class AttributeSource : uint8_t { Geometry, Object };
-enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth };
+enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth, IsCurve, IsPoint };
 
 enum class BlendKind : uint8_t {
     Mix,
@@ -232,6 +233,7 @@ inline constexpr bool is_foldable(Op op) {
         case Op::ObjectValue:
         case Op::Instancer:
         case Op::ShiftBarycentrics:
+        case Op::CurveTangent:
         case Op::Image:
         case Op::Random:
             return false;

@@ -29,12 +29,13 @@ struct ShadingSpan {
     Columns3 n_s;        ///< shading normal (interpolated), unit, towards the viewer
     Columns3 n_g;        ///< geometric normal, unit, towards the viewer
     Columns3 wo;         ///< towards the viewer ("Incoming"); for a background minus the direction
-    float* u = nullptr;  ///< barycentrics: hit = (1-u-v) a + u b + v c, with a b c the triangle's vertices in order
-    float* v = nullptr;
+    float* u = nullptr;  ///< barycentrics: hit = (1-u-v) a + u b + v c, with a b c the triangle's vertices in order; of curves: along the segment, 0..1
+    float* v = nullptr;  ///< of curves: across, -1..1 (the sine of the angle between normal and viewer, seen along the curve)
     float* ray_length = nullptr;    ///< since the last hit, transparent ones included
     float* footprint = nullptr;     ///< radius of the ray's cone at the hit, m: dPdx and dPdy have this length
     int32_t* object = nullptr;      ///< -1: background or lamp
-    int32_t* primitive = nullptr;   ///< triangle
+    int32_t* primitive = nullptr;   ///< triangle, curve segment or point
+    float* time = nullptr;          ///< in the shutter, 0..1; null: nothing moves
     int32_t* constants = nullptr;   ///< offset of the lane's material in Programs::constants
     int32_t* ray_flags = nullptr;   ///< RayFlags of the ray that arrived
     int32_t* backfacing = nullptr;  ///< 1: the viewer sees the back (n_s and n_g were flipped)

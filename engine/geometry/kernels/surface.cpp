@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "geometry/kernels/strands.h"
+
 namespace talbot::geometry {
 inline namespace TALBOT_ISA {
 namespace {
@@ -27,7 +29,15 @@ TALBOT_INLINE void fetch(const Vec3* __restrict from, const uint32_t* index, int
     }
 }
 
+/// For lanes that others shade: something harmless.
+TALBOT_INLINE void clear_lane(int k, Corners& c) {
+    for (auto& column : c.p) column[k] = 0;
+    for (auto& column : c.n) column[k] = 0;
+    c.flat[k] = 1;
+}
+
 TALBOT_INLINE void fetch_lane(const scene::MeshView& mesh, int k, Corners& c) {
+    if (mesh.kind != scene::GeometryKind::Triangles) return clear_lane(k, c);
     const size_t triangle = size_t(c.primitive[k]);
     const uint32_t* vertices = mesh.triangle_vertices + 3 * triangle;
     fetch(mesh.positions, vertices, k, c.p);
@@ -160,7 +170,8 @@ TALBOT_INLINE void shade_uniform(const scene::ObjectView& object, const Corners&
 
 }  // namespace
 
-void shade_points(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, shader::ShadingSpan& out, float* error) {
+void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstColumns3 origin, const int32_t* index, int n, shader::ShadingSpan& out,
+                  float* error) {
     Corners c;
     for (int first = 0; first < n; first += kBlock) {
         const int count = n - first < kBlock ? n - first : kBlock;
@@ -190,6 +201,15 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, const i
             for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene.objects[c.object[k]].mesh], k, c);
             shade_mixed(scene, c, count, columns);
         }
+        if (!scene.has_strands) continue;
+        for (int k = 0; k < count; ++k) {
+            const scene::ObjectView& object = scene.objects[c.object[k]];
+            const scene::MeshView& mesh = scene.meshes[object.mesh];
+            const int32_t lane = index[first + k];
+            const auto from = [&] { return load(origin, lane) - load(out.wo, first + k) * hits.t[lane]; };
+            if (mesh.kind == scene::GeometryKind::Curves) shade_curve(object, mesh, first + k, from, out, error);
+            if (mesh.kind == scene::GeometryKind::Points) shade_sphere(object, mesh, first + k, from(), out, error);
+        }
     }
 }
 
@@ -211,7 +231,10 @@ void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, 
     float *ox = origin.x, *oy = origin.y, *oz = origin.z;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        const float distance = std::copysign(e[i], dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i]);
+        const float side = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
+        // A curve of radius r: a little off its front, or its diameter and a little more.
+        const float fibre = side < 0.0f ? 2.05f * e[i] : -0.05f * e[i];
+        const float distance = e[i] < 0.0f ? fibre : std::copysign(e[i], side);
         const float x = px[i] + nx[i] * distance, y = py[i] + ny[i] * distance, z = pz[i] + nz[i] * distance;
         ox[i] = x;
         oy[i] = y;

@@ -168,7 +168,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
     StageClock clock(context, worker.counters);
     gather_span(context, worker, lanes, n);
     const shader::CompiledShader& compiled = context.programs->shaders[size_t(s.itmp[0])];
-    geometry::shade_points(*context.scene, worker.paths.hit, lanes, n, s.span, s.error);
+    geometry::shade_points(*context.scene, worker.paths.hit, worker.paths.origin, lanes, n, s.span, s.error);
 
     int alive = 0;
     if (compiled.surface >= 0) {

@@ -39,7 +39,7 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
         span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
         store(s.wi, i, load(queue.direction, k));
     }
-    geometry::shade_points(*context.scene, queue.hit, list, n, span, s.error);
+    geometry::shade_points(*context.scene, queue.hit, queue.origin, list, n, span, s.error);
     ConstColumns3 through;
     if (!compiled.transparency_is_constant) {
         const shader::Program& program = *context.programs->programs[size_t(compiled.transparency)];

@@ -82,8 +82,13 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         // The active UV map at the hit, interpolated from the corners.
         vector(PassKind::Vector3Uv, [&](int i) {
             const scene::MeshView& mesh = context.scene->meshes[context.scene->objects[span.object[i]].mesh];
-            if (context.uv_attribute < 0 || !mesh.attributes || !mesh.triangle_corners) return Vec3{};
+            if (context.uv_attribute < 0 || !mesh.attributes) return Vec3{};
             const scene::AttributeView& uv = mesh.attributes[context.uv_attribute];
+            if (uv.data && uv.domain == scene::Domain::Face && mesh.kind == scene::GeometryKind::Curves && uv.components >= 2) {
+                const float* value = uv.data + size_t(uv.components) * mesh.segment_curves[span.primitive[i]];
+                return Vec3{value[0], value[1], 1.0f};
+            }
+            if (!mesh.triangle_corners) return Vec3{};
             if (!uv.data || uv.domain != scene::Domain::Corner || uv.components < 2) return Vec3{};
             const int stride = uv.components;
             const uint32_t* corner = mesh.triangle_corners + 3 * size_t(span.primitive[i]);

@@ -148,7 +148,7 @@ void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderC
         gather(primitive, list, count, hit_primitive);
         if (depth) gather(depth, list, count, s.depth);
         const geometry::HitColumns hits{hit_t, hit_u, hit_v, hit_object, hit_primitive};
-        geometry::shade_points(*context.scene, hits, identity, count, s, error);
+        geometry::shade_points(*context.scene, hits, {}, identity, count, s, error);
         float r[3][kSpan];
         const Columns3 emission{r[0], r[1], r[2]};
         evaluate_emission(programs, context, scratch, shader[first], emission);

@@ -63,6 +63,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Instancer:
                 op_instancer(r, n, scope);
                 break;
+            case Op::CurveTangent:
+                op_curve_tangent(r, n, scope);
+                break;
             case Op::ShiftBarycentrics:
                 op_shift_barycentrics(r, n, scope);
                 break;

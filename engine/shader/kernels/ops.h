@@ -36,6 +36,7 @@ void op_vertex_normal(Registers r, int n, const OpScope& scope);
 void op_object_value(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_instancer(Registers r, int n, const OpScope& scope);
 void op_shift_barycentrics(Registers r, int n, const OpScope& scope);
+void op_curve_tangent(Registers r, int n, const OpScope& scope);
 
 void op_blend(const Instruction& i, Registers r, int n);
 void op_color_convert(const Instruction& i, Registers r, int n);

@@ -1,6 +1,7 @@
 // What the shading point is: span columns, constants, transforms, attributes. Gathers loop lane by lane over the span's own lanes; the
 // padding repeats the last one, so that later operations see ordinary numbers there.
 #include "base/sobol.h"
+#include "scene/curve.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {
@@ -53,6 +54,17 @@ TALBOT_INLINE const scene::MeshView* mesh_of(const OpScope& s, int lane) {
 struct Triangle {
     uint32_t a, b, c;
 };
+/// Values at curves' keys run from key to key; those of a curve or point stay.
+TALBOT_INLINE void read_strand(const scene::AttributeView& a, const scene::MeshView& mesh, int32_t primitive, float u, float out[4]) {
+    const size_t components = a.components;
+    const bool curves = mesh.kind == scene::GeometryKind::Curves, keys = curves && a.domain == scene::Domain::Vertex;
+    const size_t at = keys ? mesh.segment_keys[primitive] : curves ? mesh.segment_curves[primitive] : size_t(primitive);
+    for (size_t k = 0; k < components && k < 4; ++k) {
+        const float value = a.data[at * components + k];
+        out[k] = keys ? lerp(value, a.data[(at + 1) * components + k], u) : value;
+    }
+}
+
 TALBOT_INLINE Triangle corners_of(const uint32_t* table, int32_t primitive) {
     if (!table) return {uint32_t(3 * primitive), uint32_t(3 * primitive + 1), uint32_t(3 * primitive + 2)};
     const uint32_t* t = table + 3 * size_t(primitive);
@@ -64,6 +76,13 @@ TALBOT_INLINE void read_attribute(const scene::AttributeView& a, const scene::Me
     out[0] = out[1] = out[2] = out[3] = 0.0f;
     if (!a.data) return;
     size_t e[3] = {0, 0, 0};
+    const size_t components = a.components;
+    if (mesh && mesh->kind != scene::GeometryKind::Triangles && a.domain != scene::Domain::Object) {
+        read_strand(a, *mesh, primitive, u, out);
+        if (components == 1) out[1] = out[2] = out[0];
+        if (components < 4) out[3] = 1.0f;
+        return;
+    }
     if (a.domain != scene::Domain::Object) {
         if (!mesh) return;
         if (a.domain == scene::Domain::Vertex || a.domain == scene::Domain::Corner) {
@@ -75,7 +94,6 @@ TALBOT_INLINE void read_attribute(const scene::AttributeView& a, const scene::Me
             e[0] = e[1] = e[2] = a.domain == scene::Domain::Face && mesh->triangle_faces ? mesh->triangle_faces[primitive] : uint32_t(primitive);
         }
     }
-    const size_t components = a.components;
     const float w = 1.0f - u - v;
     for (size_t k = 0; k < components && k < 4; ++k)
         out[k] = w * a.data[e[0] * components + k] + u * a.data[e[1] * components + k] + v * a.data[e[2] * components + k];
@@ -276,7 +294,10 @@ void op_generated(const Instruction& i, Registers r, int n, const OpScope& s) {
 void op_vertex_normal(Registers r, int n, const OpScope& s) {
     for (int k = 0; k < s.span.n; ++k) {
         Vec3 normal{0, 0, 1};
-        if (const scene::MeshView* mesh = mesh_of(s, k)) {
+        const scene::MeshView* mesh = mesh_of(s, k);
+        if (mesh && mesh->kind != scene::GeometryKind::Triangles) {
+            normal = transform_normal(s.context.scene->objects[s.span.object[k]].to_world, load(s.span.n_g, k));
+        } else if (mesh) {
             const int32_t primitive = s.span.primitive[k];
             const float u = r[3][k], v = r[4][k], w = 1.0f - u - v;
             const Triangle t = corners_of(mesh->triangle_vertices, primitive);
@@ -326,6 +347,13 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
                 case ObjectField::NegativeScale:
                     x = o.negative_scale ? 1.0f : 0.0f;
                     break;
+                case ObjectField::IsCurve:
+                case ObjectField::IsPoint: {
+                    const scene::MeshView* mesh = mesh_of(s, k);
+                    const auto kind = field == ObjectField::IsCurve ? scene::GeometryKind::Curves : scene::GeometryKind::Points;
+                    x = mesh && mesh->kind == kind ? 1.0f : 0.0f;
+                    break;
+                }
                 case ObjectField::Smooth: {
                     const scene::MeshView* mesh = mesh_of(s, k);
                     x = mesh && (!mesh->triangle_smooth || mesh->triangle_smooth[s.span.primitive[k]]) ? 1.0f : 0.0f;
@@ -356,7 +384,13 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
     // Least squares in the triangle's plane: offset = du (b - a) + dv (c - a).
     for (int k = 0; k < s.span.n; ++k) {
         float u = s.span.u ? s.span.u[k] : 0.0f, v = s.span.v ? s.span.v[k] : 0.0f;
-        if (const scene::MeshView* mesh = mesh_of(s, k)) {
+        const scene::MeshView* mesh = mesh_of(s, k);
+        if (mesh && mesh->kind == scene::GeometryKind::Curves) {
+            const scene::CurveSegment curve = scene::curve_segment(*mesh, s.span.primitive[k], s.span.time ? s.span.time[k] : 0.5f);
+            const Vec3 slope = curve_tangent(curve, u),
+                       d = transform_direction(s.context.scene->objects[s.span.object[k]].to_object, Vec3{r[2][k], r[3][k], r[4][k]});
+            u += dot(d, slope) / dot(slope, slope);
+        } else if (mesh && mesh->kind == scene::GeometryKind::Triangles) {
             const Triangle t = corners_of(mesh->triangle_vertices, s.span.primitive[k]);
             const Vec3 a = mesh->positions[t.a], e1 = mesh->positions[t.b] - a, e2 = mesh->positions[t.c] - a;
             const Vec3 d = transform_direction(s.context.scene->objects[s.span.object[k]].to_object, Vec3{r[2][k], r[3][k], r[4][k]});
@@ -370,6 +404,21 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
         r[1][k] = v;
     }
     pad(r, 2, s.span.n, n);
+}
+
+void op_curve_tangent(Registers r, int n, const OpScope& s) {
+    for (int k = 0; k < s.span.n; ++k) {
+        Vec3 tangent{};
+        const scene::MeshView* mesh = mesh_of(s, k);
+        if (mesh && mesh->kind == scene::GeometryKind::Curves) {
+            const scene::CurveSegment curve = scene::curve_segment(*mesh, s.span.primitive[k], s.span.time ? s.span.time[k] : 0.5f);
+            tangent = normalize(transform_direction(s.context.scene->objects[s.span.object[k]].to_world, curve_tangent(curve, s.span.u[k])));
+        }
+        r[0][k] = tangent.x;
+        r[1][k] = tangent.y;
+        r[2][k] = tangent.z;
+    }
+    pad(r, 3, s.span.n, n);
 }
 
 void op_random(const Instruction& i, Registers r, int n, const OpScope& s) {

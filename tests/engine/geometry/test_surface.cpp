@@ -18,7 +18,7 @@ Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
         const size_t lane = size_t(hit[size_t(i)]);
         store(s.span.wo, i, -Vec3{rays.d[0][lane], rays.d[1][lane], rays.d[2][lane]});
     }
-    shade_points(world.tables.view, rays.hits(), hit.data(), s.span.n, s.span, s.error.data());
+    shade_points(world.tables.view, rays.hits(), rays.columns().origin, hit.data(), s.span.n, s.span, s.error.data());
     return s;
 }
 
@@ -333,7 +333,7 @@ TEST(Surface, LanesDoNotDependOnTheirNeighbours) {
     for (int i = 0; i < all.span.n; ++i) {
         Span one(1);
         store(one.span.wo, 0, load(all.span.wo, i));
-        shade_points(world.tables.view, rays.hits(), &hit[size_t(i)], 1, one.span, one.error.data());
+        shade_points(world.tables.view, rays.hits(), rays.columns().origin, &hit[size_t(i)], 1, one.span, one.error.data());
         // The uniform and the mixed loop may contract differently: rounding only.
         EXPECT_LT(length(load(one.span.p, 0) - load(all.span.p, i)), 2e-6f);
         EXPECT_LT(length(load(one.span.n_s, 0) - load(all.span.n_s, i)), 2e-6f);

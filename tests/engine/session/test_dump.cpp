@@ -52,8 +52,20 @@ Scene make_scene() {
     mesh.active_color = "Col";
     mesh.generated_offset = {1, 2, 3};
     mesh.generated_scale = {4, 5, 6};
+    mesh.motion_steps = 2;
+    mesh.motion_positions.assign(8, {1, 2, 3});
+    mesh.motion_normals.assign(12, {0, 1, 0});
     const auto shared = std::make_shared<const Mesh>(mesh);
-    scene.meshes = {shared, nullptr, shared};
+    Mesh strands;
+    strands.kind = GeometryKind::Curves;
+    strands.positions.assign(3, {1, 1, 1});
+    strands.radii = {1, 2, 3};
+    strands.curve_shape = CurveShape::ThickLinear;
+    strands.curve_subdivisions = 5;
+    strands.curve_starts = {0, 3};
+    strands.segment_keys = {0, 1};
+    strands.segment_curves = {0, 0};
+    scene.meshes = {shared, nullptr, shared, std::make_shared<const Mesh>(strands)};
 
     Object object;
     object.name = 0;
@@ -155,7 +167,14 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     dump_scene(loaded, folder.file("b"));
     EXPECT_EQ(read(folder.file("a")), read(folder.file("b")));
     EXPECT_EQ(loaded.dirty, uint32_t(kDirtyAll));
-    ASSERT_EQ(loaded.meshes.size(), 3u);
+    ASSERT_EQ(loaded.meshes.size(), 4u);
+    EXPECT_EQ(loaded.meshes[0]->motion_positions.size(), 8u);
+    EXPECT_EQ(loaded.meshes[0]->motion_normals.size(), 12u);
+    EXPECT_EQ(loaded.meshes[3]->kind, GeometryKind::Curves);
+    EXPECT_EQ(loaded.meshes[3]->curve_shape, CurveShape::ThickLinear);
+    EXPECT_EQ(loaded.meshes[3]->curve_subdivisions, 5);
+    EXPECT_EQ(loaded.meshes[3]->radii, scene.meshes[3]->radii);
+    EXPECT_EQ(loaded.meshes[3]->segment_keys.size(), 2u);
     EXPECT_EQ(loaded.meshes[0], loaded.meshes[2]);  // still shared
     EXPECT_EQ(loaded.meshes[1], nullptr);
     EXPECT_EQ(loaded.meshes[0]->name, "Würfel");
@@ -182,7 +201,7 @@ TEST(Dump, RoundTripKeepsEveryByte) {
 // A struct that grew has a field that dump.cpp does not know yet: add it there and to make_scene above, then correct the size here.
 TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
-    EXPECT_EQ(sizeof(Mesh), 336u);
+    EXPECT_EQ(sizeof(Mesh), 504u);
     EXPECT_EQ(sizeof(Object), 124u);
     EXPECT_EQ(sizeof(NodeInput), 96u);
     EXPECT_EQ(sizeof(NodeOutput), 56u);
@@ -266,7 +285,7 @@ TEST(Dump, HandlesThatLeadNowhere) {
         return message_of(folder.file("a"));
     };
     EXPECT_EQ(refused([](Scene&) {}), "");
-    EXPECT_NE(refused([](Scene& s) { s.objects[0].mesh = 3; }).find("Object 'Cube'"), std::string::npos);
+    EXPECT_NE(refused([](Scene& s) { s.objects[0].mesh = 4; }).find("Object 'Cube'"), std::string::npos);
     EXPECT_NE(refused([](Scene& s) { s.objects[0].material_set = -2; }), "");
     EXPECT_NE(refused([](Scene& s) { s.material_sets[0][0] = 1; }), "");
     EXPECT_NE(refused([](Scene& s) { s.lights[0].shader = 1; }), "");
