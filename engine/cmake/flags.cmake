@@ -27,6 +27,9 @@ endfunction()
 if(TALBOT_SANITIZE)
   add_compile_options(-fsanitize=${TALBOT_SANITIZE} -fno-omit-frame-pointer -g)
   add_link_options(-fsanitize=${TALBOT_SANITIZE})
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+    add_compile_options(-Wno-pass-failed)  # checked loops do not vectorise, and need not
+  endif()
 endif()
 
 # talbot_layer(NAME [libraries...]): the objects of engine/NAME, appended to TALBOT_OBJECTS.
