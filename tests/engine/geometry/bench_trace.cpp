@@ -95,7 +95,8 @@ void bench(const char* name, const std::shared_ptr<scene::Mesh>& mesh, Vec3 eye,
         for (int repeat = 0; repeat < 5; ++repeat) {
             best = std::min(best, seconds([&] {
                                 for (int i = 0; i < spans; ++i)
-                                    shade_points(world.tables.view, camera.hits(), camera.columns().origin, hit.data() + i * kSpan, kSpan, span.span, span.error.data());
+                                    shade_points(world.tables.view, camera.hits(), camera.columns().origin, hit.data() + i * kSpan, kSpan, span.span,
+                                                 span.error.data());
                             }));
         }
         std::printf("  shading points, %s: %.1f ns each\n", shuffled ? "random order" : "in order", best / (spans * kSpan) * 1e9);
