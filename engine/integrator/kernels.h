@@ -37,6 +37,8 @@ struct RenderContext {
     const int32_t* shader_order = nullptr;  ///< rank of each shader when sorted by program, so that equal programs are neighbours
     const int32_t* rank_shader = nullptr;   ///< the inverse
     int shader_count = 0;
+    /// Where Russian roulette is played: on arrival at a surface (end_paths.cpp), or before the ray that would lead there is traced.
+    bool roulette_on_arrival = true;
     scene::AttributeId uv_attribute = -1;  ///< of the UV pass
     bool has_transparent_shadows = false;
     geometry::TraceOptions camera_trace{16, true}, bounce_trace{8, false}, shadow_trace{8, false};

@@ -21,6 +21,8 @@ enum PathFlags : int32_t {
     kPathDelta = 1 << 17,           ///< the last scattering was a delta lobe or the camera: light found counts fully
     kPathSeesBackground = 1 << 18,  ///< a transparent film sees the world through here
     kPathDataDone = 1 << 19,        ///< first-hit passes are written
+    kPathCrossed = 1 << 20,         ///< the last surface was crossed straight on
+    kPathTerminate = 1 << 21,       ///< lost the roulette on arrival: collects the surface's emission, then ends
 };
 
 struct PathColumns {
@@ -67,7 +69,8 @@ struct ShadowQueue {
     Columns3 diffuse_share, glossy_share;
     int32_t* pixel = nullptr;
     int32_t* indirect = nullptr;    ///< 1: more than one scattering
-    int32_t* lane = nullptr;        ///< of the path, for its sampler and bounce counts
+    int32_t* lane = nullptr;        ///< of the path, for its sampler
+    int32_t* bounces = nullptr;     ///< of the path before this vertex scattered it, packed
     int32_t* visibility = nullptr;  ///< ray mask
     geometry::HitColumns hit;       ///< for rays that look for transparent surfaces
     int32_t *list = nullptr, *going = nullptr, *shader = nullptr;
@@ -88,7 +91,7 @@ struct SpanScratch {
     float* weight_sum = nullptr;
     light::LightSamples light;
     float *u0 = nullptr, *v0 = nullptr, *u1 = nullptr, *v1 = nullptr;
-    float *roulette_u = nullptr, *roulette_v = nullptr;  ///< of the vertex: for the path, for its shadow rays
+    float *roulette_u = nullptr, *roulette_v = nullptr;  ///< of the vertex: for the path that leaves it, for its shadow rays
     Columns3 wi, f, slot_f, f_diffuse, f_glossy;
     float *pdf = nullptr, *slot_pdf = nullptr;
     float* sampled_roughness = nullptr;

@@ -51,7 +51,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     ShadowQueue& q = shadow;
     for (Columns3* c : {&q.origin, &q.direction, &q.rgb, &q.diffuse_share, &q.glossy_share}) *c = take3(arena_, kShadowCapacity);
     for (float** c : {&q.t_max, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
-    for (int32_t** c : {&q.pixel, &q.indirect, &q.lane, &q.visibility, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
+    for (int32_t** c : {&q.pixel, &q.indirect, &q.lane, &q.bounces, &q.visibility, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
         *c = arena_.take<int32_t>(kShadowCapacity);
     q.blocked = arena_.take<uint8_t>(kShadowCapacity);
 

@@ -74,9 +74,10 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
 
         clock.lap(Stage::Background);
         geometry::hit_shaders(*context.scene, worker.paths.hit, worker.hits, hit_count, worker.shader);
+        worker.counters.vertices += uint64_t(hit_count);
+        hit_count = end_paths(context, worker, hit_count);
         sort_by_program(context, worker, hit_count);
         clock.lap(Stage::Sort);
-        worker.counters.vertices += uint64_t(hit_count);
 
         active = 0;
         int begin = 0;

@@ -69,7 +69,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     for (int i = 0; i < n; ++i) {
         Rgb c = load(s.rgb, i);
         const float strongest = max_component(c);
-        if (!(strongest > 0.0f) || (s.path_flags[i] & kPathEndAtSurface)) continue;
+        if (!(strongest > 0.0f) || (s.path_flags[i] & (kPathEndAtSurface | kPathTerminate))) continue;
         // Weak samples: trace only some, at higher weight.
         if (strongest * inverse_threshold < 1.0f && inverse_threshold > 0.0f) {
             const float keep = strongest * inverse_threshold;
@@ -99,6 +99,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         queue.pixel[k] = paths.pixel[lane];
         queue.indirect[k] = bounces > 0;
         queue.lane[k] = lane;
+        queue.bounces[k] = s.bounces[i];
         queue.visibility[k] = scene::kVisibleShadow;
         queue.crossed[k] = s.span.transparent_depth[i];
         if (shares) {

@@ -1,5 +1,5 @@
 /// The next direction: a closure slot by its share of the scattering, a direction from it, the whole mixture's value and
-/// density there; bounce counts and limits; Russian roulette.
+/// density there; bounce counts and limits.
 
 #include "base/sobol.h"
 #include "integrator/kernels/stages.h"
@@ -178,17 +178,15 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         const int32_t vertex = paths.vertex[lane];
         const int crossed = vertex >> 16;
         const bool transparent = (sampled & kSampledTransparent) != 0;
-        float keep = 1.0f;
+        int32_t bounces = s.bounces[i];
         if (transparent) {
             if (crossed >= transparent_limit) continue;
-            if (crossed > settings.min_transparent_bounces) keep = minf(1.0f, std::sqrt(strongest));
+            flags |= kPathCrossed;
         } else {
             const bool transmitted = (sampled & kSampledTransmit) != 0;
             const bool delta = (sampled & kSampledDelta) != 0;
             const LobeKind lobe = program.slots[size_t(s.chosen[i])].lobe;
-            const int32_t bounces = count_bounce(s.bounces[i], lobe, transmitted);
-            // The first scattered ray always lives: it may bring the sky, which nothing else samples.
-            if (total_bounces(bounces) > settings.min_light_bounces + 1) keep = minf(1.0f, std::sqrt(strongest));
+            bounces = count_bounce(bounces, lobe, transmitted);
             const bool at_limit = total_bounces(bounces) > settings.max_bounces || diffuse_bounces(bounces) > settings.diffuse_bounces ||
                                   glossy_bounces(bounces) > settings.glossy_bounces || transmission_bounces(bounces) > settings.transmission_bounces;
             const bool through_glass = settings.film_transparent_glass && transmitted && s.sampled_roughness[i] <= settings.film_transparent_roughness;
@@ -197,7 +195,6 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
             flags |= transmitted ? shader::kRayTransmission : shader::kRayReflection;
             flags |= lobe == LobeKind::Diffuse ? shader::kRayDiffuse : shader::kRayGlossy;
             flags |= delta ? shader::kRaySingular : 0;
-            paths.bounces[lane] = bounces;
             if (shares && total_bounces(s.bounces[i]) == 0) {
                 Vec3 d = load(s.f_diffuse, i), g = load(s.f_glossy, i);
                 if (delta) {
@@ -208,14 +205,13 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
                 store(paths.glossy_share, lane, g);
             }
         }
-        if (keep < 1.0f) {
-            if (s.roulette_u[i] >= keep) {
-                paths.bounces[lane] = s.bounces[i];
-                continue;
-            }
+
+        if (!context.roulette_on_arrival) {
+            const float keep = survival_probability(settings, flags, bounces, crossed + transparent, throughput);
+            if (s.roulette_u[i] >= keep) continue;
             throughput = throughput / keep;
         }
-
+        paths.bounces[lane] = bounces;
         store(paths.origin, lane, load(s.tmp3, i));
         store(paths.throughput, lane, throughput);
         paths.cone_width[lane] = s.span.footprint[i];

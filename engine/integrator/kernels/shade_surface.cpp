@@ -88,6 +88,16 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     add_found_light(context, worker, s.lane, span.n, s.rgb, film::Category::Emission, tile);
 }
 
+/// What survivors of the roulette bring from here on stands for those that ended.
+void settle_roulette(const RenderContext& context, Worker& worker) {
+    SpanScratch& s = worker.scratch;
+    for (int i = 0; i < s.span.n; ++i) {
+        const Rgb throughput = load(s.throughput, i);
+        const float keep = survival_probability(*context.settings, s.path_flags[i], s.bounces[i], s.span.transparent_depth[i], throughput);
+        if (keep < 1.0f) store(s.throughput, i, throughput / keep);
+    }
+}
+
 /// Holdout closures and objects cut a hole where the background would be seen too: what they absorb becomes transparency of the pixel. For all other paths
 /// the object is like any other.
 void add_holdout(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
@@ -152,7 +162,8 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
         const bool passes = slot.type == ClosureType::Transparent;
         float* w = s.registers + size_t(slot.weight) * kSpan;
         for (int i = 0; i < n; ++i) {
-            const bool dead = (drop && (s.path_flags[i] & shader::kRayDiffuse)) || (!passes && (s.path_flags[i] & kPathEndAtSurface));
+            const bool dead =
+                (drop && (s.path_flags[i] & shader::kRayDiffuse)) || (!passes && (s.path_flags[i] & kPathEndAtSurface)) || (s.path_flags[i] & kPathTerminate);
             const float keep = dead ? 0.0f : 1.0f;
             w[i] *= keep;
             w[kSpan + i] *= keep;
@@ -183,6 +194,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
 
         add_holdout(context, worker, program, tile);
         if (program.emission != shader::kNoRegister) add_emission(context, worker, program, tile);
+        if (context.roulette_on_arrival) settle_roulette(context, worker);
         if (context.layout->data_passes) write_data_passes(context, worker, program, geometry, tile);
         restrict_closures(context, worker, program);
 

@@ -25,6 +25,10 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
 /// World and suns for rays that left the scene; these paths end.
 void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
 
+/// Plays Russian roulette with the first n lanes of worker.hits (shaders in worker.shader) and frees those that bring nothing more. Returns how many
+/// stay, in their order.
+int end_paths(const RenderContext& context, Worker& worker, int n);
+
 /// Up to kSpan lanes whose shaders share a program: emission, light samples into the shadow queue, next direction. Writes the lanes that go on to
 /// `survivors` and returns their number.
 int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors);
@@ -112,6 +116,13 @@ TALBOT_INLINE Rgb clamp_contribution(Rgb c, float limit) {
     const float scale = limit > 0.0f && s > limit ? limit / s : 1.0f;
     const bool finite = s < 3.0e38f;  // false for NaN too
     return {finite ? c.x * scale : 0.0f, finite ? c.y * scale : 0.0f, finite ? c.z * scale : 0.0f};
+}
+
+/// Probability with which Russian roulette lets a path go on that has arrived at a surface. The square root ends paths later than their throughput
+/// alone would: what the eye sees of a picture is closer to the root of radiance.
+TALBOT_INLINE float survival_probability(const scene::Settings& settings, int32_t flags, int32_t bounces, int crossed, Rgb throughput) {
+    const bool plays = flags & kPathCrossed ? crossed > settings.min_transparent_bounces + 1 : total_bounces(bounces) > settings.min_light_bounces + 1;
+    return plays ? minf(1.0f, std::sqrt(max_component(throughput))) : 1.0f;
 }
 
 /// Power heuristic [Veach 1997, eq. 9.13 with beta = 2].

@@ -29,10 +29,10 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
         span.footprint[i] = paths.cone_width[lane];
         span.constants[i] = compiled.constants;
         span.ray_flags[i] = shader::kRayShadow;
-        span.depth[i] = total_bounces(paths.bounces[lane]) + 1;
-        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
-        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
-        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
+        span.depth[i] = total_bounces(queue.bounces[k]) + 1;
+        span.diffuse_depth[i] = diffuse_bounces(queue.bounces[k]);
+        span.glossy_depth[i] = glossy_bounces(queue.bounces[k]);
+        span.transmission_depth[i] = transmission_bounces(queue.bounces[k]);
         span.transparent_depth[i] = queue.crossed[k];
         span.key[i] = paths.key[lane];
         span.sample[i] = paths.sample[lane];
