@@ -198,6 +198,19 @@ TEST(ClosedForms, FurnaceBox) {
     expect_render(deep, 5, "roulette does not bias", 0.005);
 }
 
+// Where surfaces emit what they absorb of a sky of radiance 1, everything has radiance 1, however paths end.
+TEST(ClosedForms, RouletteUnderASky) {
+    const std::vector<uint32_t> open(kCube.begin() + 6, kCube.end());
+    for (float albedo : {0.5f, 0.9f}) {
+        Stage stage(1024);
+        stage.mesh(cube_corners(), open, stage.glowing(albedo, 1 - albedo));
+        stage.world(1);
+        stage.bounces(200);
+        stage.look({0.3f, 0.2f, 0.5f}, {0, 1, 0.4f});
+        expect_render(stage, 1, "albedo " + std::to_string(albedo), 0.005);
+    }
+}
+
 TEST(ClosedForms, WhiteFurnace) {
     std::vector<Vec3> positions;
     std::vector<uint32_t> triangles;
