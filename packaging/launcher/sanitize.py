@@ -41,6 +41,7 @@ def environment() -> dict[str, str]:
 
 def dump_scenes(folder: Path) -> list[Path]:
     """Small dumps of scenes/*.py, by the ordinary build inside Blender; the sanitized program renders them alone."""
+    native.prepare()  # takes as long as it takes; the renders have a limit
     folder.mkdir(parents=True, exist_ok=True)
     dumps = []
     for scene in sorted((ROOT / "scenes").glob("*.py")):
