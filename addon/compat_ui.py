@@ -11,6 +11,7 @@ from .ui import ENGINE
 _EXCLUDED = {
     "VIEWLAYER_PT_filter",  # 5.0: has the switches of hair, volumes and motion blur too
     "RENDER_PT_freestyle",
+    "OBJECT_PT_shading",  # 4.x and 5.x: light linking; Talbot's own panel has the shadow terminator
     "DATA_PT_light",  # Talbot's own light panel shows the type
     "EEVEE_WORLD_PT_mist",
     "WORLD_PT_viewport_display",
