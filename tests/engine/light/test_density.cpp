@@ -336,7 +336,9 @@ TEST(Density, OddLampsGiveFiniteSamples) {
                                 const bool finite = std::isfinite(s.pdf[i]) && std::isfinite(s.r[i]) && std::isfinite(s.distance[i]) &&
                                                     std::isfinite(s.wx[i]) && std::isfinite(s.wy[i]) && std::isfinite(s.wz[i]);
                                 EXPECT_TRUE(finite && s.pdf[i] >= 0) << int(type) << " " << size << " " << power;
-                                if (s.pdf[i] > 0) EXPECT_NEAR(length(s.wi(i)), 1, 1e-3) << int(type) << " " << size;
+                                if (s.pdf[i] > 0) {
+                                    EXPECT_NEAR(length(s.wi(i)), 1, 1e-3) << int(type) << " " << size;
+                                }
                             }
                         });
                         const Met met = meet(f, p, normalize(Vec3{0.1f, 0.2f, 1}));
@@ -389,7 +391,9 @@ TEST(Density, WorldMap) {
             observed[size_t(std::min(int(mv * cells_v), cells_v - 1) * cells_u + std::min(int(mu * cells_u), cells_u - 1))] += 1;
             // Directions on a cell's border may round to the neighbour; elsewhere sample and density agree.
             const double fu = mu * width - std::floor(mu * width), fv = mv * height - std::floor(mv * height);
-            if (std::min(fu, 1 - fu) > 1e-3 && std::min(fv, 1 - fv) > 1e-3) EXPECT_NEAR(pdf[i], again[i], 1e-3f * pdf[i]);
+            if (std::min(fu, 1 - fu) > 1e-3 && std::min(fv, 1 - fv) > 1e-3) {
+                EXPECT_NEAR(pdf[i], again[i], 1e-3f * pdf[i]);
+            }
             const int fx = std::min(int(mu * 2 * width), 2 * width - 1), fy = std::min(int(mv * 2 * height), 2 * height - 1);
             sky += double(fine[size_t(fy * 2 * width + fx)]) / double(pdf[i]);
         }
