@@ -189,18 +189,13 @@ struct Accelerator::State {
     uint64_t generation = 0;
     ScenePtr top;
     std::vector<Placed> placed;  ///< by object index
-    Vec3 center;
-    float radius = 0;
 
     void drop_top() {
         placed.clear();
         top.reset();
-        center = {};
-        radius = 0;
     }
     void open(int wanted);
     void place(Builder& builder, const scene::SceneTables& tables, bool flatten);
-    void measure();
 };
 
 Accelerator::Accelerator() : state_(std::make_unique<State>()) {}
@@ -343,17 +338,6 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     if (changed) builder.commit(top.get(), top_triangles, {});
 }
 
-void Accelerator::State::measure() {
-    RTCBounds bounds;
-    rtcGetSceneBounds(top.get(), &bounds);
-    center = {};
-    radius = 0;
-    if (!(bounds.lower_x <= bounds.upper_x)) return;
-    const Vec3 lower{bounds.lower_x, bounds.lower_y, bounds.lower_z}, upper{bounds.upper_x, bounds.upper_y, bounds.upper_z};
-    center = (lower + upper) * 0.5f;
-    radius = length(upper - lower) * 0.5f;
-}
-
 void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& options) {
     State& state = *state_;
     Progress progress;
@@ -362,7 +346,6 @@ void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& op
         state.open(options.threads);
         Builder builder{state.device.get(), state.device_state, progress};
         state.place(builder, tables, options.flatten);
-        state.measure();
     } catch (const std::bad_alloc&) {
         state.drop_top();
         throw Error("out of memory while building the ray tracing hierarchy");
@@ -374,12 +357,6 @@ void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& op
 
 size_t Accelerator::bytes() const {
     return size_t(std::max<int64_t>(0, state_->device_state.bytes.load()));
-}
-float Accelerator::scene_radius() const {
-    return state_->radius;
-}
-Vec3 Accelerator::scene_center() const {
-    return state_->center;
 }
 const void* Accelerator::handle() const {
     return state_->top.get();

@@ -52,8 +52,6 @@ public:
     /// `tables` and the meshes it keeps alive may go afterwards. Not while rays are traced.
     void build(const scene::SceneTables& tables, const BuildOptions& options);
     size_t bytes() const;        ///< Embree's memory
-    float scene_radius() const;  ///< half the diagonal of the bounding box of everything placed, m; 0: empty
-    Vec3 scene_center() const;
     const void* handle() const;  ///< the RTCScene, for kernels in this layer; null before the first build
 
 private:

@@ -20,6 +20,8 @@
 /// face, and its rays would leak out.
 #pragma once
 
+#include <cmath>
+
 #include "base/lanes.h"
 #include "geometry/accelerator.h"
 #include "shader/program.h"
@@ -38,9 +40,24 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstCo
 /// Shader handle of each hit (material slot resolved), never -1. Every lane must be a hit.
 void hit_shaders(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, int32_t* shader);
 
+/// How far along n_g a ray begins whose direction has the cosine `side` with it.
+TALBOT_INLINE float way_off_surface(float error, float side) {
+    // A curve of radius -error: a little off its front, or its diameter and a little more.
+    const float fibre = side < 0.0f ? 2.05f * error : -0.05f * error;
+    return error < 0.0f ? fibre : std::copysign(error, side);
+}
+
 /// Moves p off the surface to the side of `direction`, by the position's error bound: no acne and no leaks at any scale; through curves (negative errors) to
 /// the other side. `origin` may be p itself.
 void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, const float* error, int n, Columns3 origin);
+
+/// Where lane i's shadow ray in `direction` begins. Off the surface by the error bound, and where smooth normals see a grazing light that the flat triangle
+/// does not (or hardly) see, on the curved surface that the normals mean: else its shadow on itself would show the triangles. With w the barycentrics,
+/// V and N the vertices and normals on the light's side, all in world space, that surface is about half of
+///     h = sum over edges ij of w_i w_j (N_j - N_i) . (V_j - V_i)
+/// above the triangle, and no lower than the nearest of the three planes that pass over the triangle at right angles to N_i. The object's geometry offset g
+/// says what is grazing: all of the height below it, none from 2 g on (from g on for the flat triangle), as in Cycles.
+Vec3 shadow_origin(const scene::SceneView& scene, const shader::ShadingSpan& span, int i, Vec3 direction, float error);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::geometry

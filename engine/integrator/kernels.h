@@ -22,6 +22,11 @@ struct RayRecorder {
     void* user = nullptr;
 };
 
+/// Shaders of the same kind are shaded together: they differ in constants alone.
+TALBOT_INLINE int span_kind(const shader::CompiledShader& shader) {
+    return 2 * shader.surface + int(shader.bump_correction);
+}
+
 /// Everything a render reads; nothing in it changes while workers run.
 struct RenderContext {
     const scene::SceneView* scene = nullptr;

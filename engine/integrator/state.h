@@ -82,8 +82,10 @@ struct ShadowQueue {
 struct SpanScratch {
     shader::ShadingSpan span;
     float* registers = nullptr;
-    float* error = nullptr;   ///< position error of each shading point, m
-    int32_t* lane = nullptr;  ///< path lane of each span lane
+    float* error = nullptr;                 ///< position error of each shading point, m
+    float* terminator_frequency = nullptr;  ///< of the object (see scene::ObjectView)
+    bool shifts_terminator = false;         ///< some of them are not 1
+    int32_t* lane = nullptr;                ///< path lane of each span lane
     int32_t* path_flags = nullptr;
     int32_t* bounces = nullptr;
     Columns3 throughput;

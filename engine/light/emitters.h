@@ -50,7 +50,6 @@ struct LightQuery {
     ConstColumns3 p, n_s;
     const float *pick_u = nullptr, *pick_v = nullptr, *u = nullptr, *v = nullptr;  ///< random pairs in [0,1)
     const int32_t* bounce = nullptr;                                               ///< of the shading point (lamps' max_bounces)
-    const int32_t* receiver_flags = nullptr;                                       ///< reserved for light linking; may be null
     int n = 0;
 };
 
@@ -63,8 +62,7 @@ struct LightSamples {
                                   ///< intensity/d^2 or irradiance
     uint8_t* is_delta = nullptr;  ///< no MIS: BSDF rays cannot find it
     uint8_t* casts_shadow = nullptr;
-    int32_t* visibility = nullptr;      ///< scene::Visibility bits of the lamp: which kinds of lobe it lights
-    int32_t* emitter_object = nullptr;  ///< the object of an emissive triangle (-1: lamp, world)
+    int32_t* visibility = nullptr;  ///< scene::Visibility bits of the lamp: which kinds of lobe it lights
 };
 
 inline namespace TALBOT_ISA {  // kernels

@@ -93,8 +93,8 @@ struct Object {
     bool is_instance = false;
     bool is_holdout = false;
     bool is_shadow_catcher = false;
-    float shadow_terminator_shading_offset = 0;
-    float shadow_terminator_geometry_offset = 0.1f;
+    float shadow_terminator_shading_offset = 0;      ///< 0..1: moves the smooth shading's dark side towards the light
+    float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
 };
 
 /// Versions whose answers differ are numbers like Blender's: 304, 402, 405, 500, 502.

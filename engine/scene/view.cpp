@@ -117,7 +117,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.is_holdout = object.is_holdout;
         out.is_shadow_catcher = object.is_shadow_catcher;
         out.is_instance = object.is_instance;
-        out.shading_offset = object.shadow_terminator_shading_offset;
+        out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(object.shadow_terminator_shading_offset));
         out.geometry_offset = object.shadow_terminator_geometry_offset;
         if (object.attribute_set >= 0 && size_t(object.attribute_set) < sets) out.attributes = row(meshes + size_t(object.attribute_set));
     }

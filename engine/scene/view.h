@@ -77,7 +77,8 @@ struct ObjectView {
     Vec2 dupli_uv;
     bool negative_scale = false;
     bool is_holdout = false, is_shadow_catcher = false, is_instance = false;
-    float shading_offset = 0, geometry_offset = 0.1f;
+    float terminator_frequency = 1;  ///< 1 / (1 - half the shading offset)
+    float geometry_offset = 0.1f;
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
 };
 

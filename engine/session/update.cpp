@@ -10,13 +10,13 @@ namespace talbot {
 
 namespace {
 
-/// Equal programs become neighbours in the sort of hits.
+/// Shaders that may share a span become neighbours in the sort of hits.
 void order_shaders(RenderData& data) {
     const auto& shaders = data.programs.shaders;
     data.rank_shader.resize(shaders.size());
     std::iota(data.rank_shader.begin(), data.rank_shader.end(), 0);
     std::stable_sort(data.rank_shader.begin(), data.rank_shader.end(),
-                     [&](int32_t a, int32_t b) { return shaders[size_t(a)].surface < shaders[size_t(b)].surface; });
+                     [&](int32_t a, int32_t b) { return integrator::span_kind(shaders[size_t(a)]) < integrator::span_kind(shaders[size_t(b)]); });
     data.shader_order.resize(shaders.size());
     for (size_t rank = 0; rank < data.rank_shader.size(); ++rank) data.shader_order[size_t(data.rank_shader[rank])] = int32_t(rank);
 }

@@ -73,6 +73,7 @@ private:
         out.emission_front = shader.emission_front;
         out.emission_back = shader.emission_back;
         out.use_transparent_shadow = shader.use_transparent_shadow;
+        out.bump_correction = shader.use_bump_map_correction;
         out.has_bump = values.has_bump;
         out.sun = values.sun;
         out.constants = int32_t(programs_.constants.size());

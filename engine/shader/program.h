@@ -65,6 +65,7 @@ struct CompiledShader {
     int32_t pass_index = 0;
     bool sample_as_light = true, emission_front = true, emission_back = true;
     bool use_transparent_shadow = true;
+    bool bump_correction = true;
 };
 
 /// All programs of a scene, read-only while rendering.

@@ -232,9 +232,7 @@ void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, 
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const float side = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
-        // A curve of radius r: a little off its front, or its diameter and a little more.
-        const float fibre = side < 0.0f ? 2.05f * e[i] : -0.05f * e[i];
-        const float distance = e[i] < 0.0f ? fibre : std::copysign(e[i], side);
+        const float distance = way_off_surface(e[i], side);
         const float x = px[i] + nx[i] * distance, y = py[i] + ny[i] * distance, z = pz[i] + nz[i] * distance;
         ox[i] = x;
         oy[i] = y;

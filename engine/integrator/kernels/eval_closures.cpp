@@ -14,6 +14,10 @@ void eval_closures(SpanScratch& s, const shader::Program& program, const Closure
         const ClosureSlot& slot = program.slots[k];
         if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
         closure_eval(slot, slot_columns(slot, s.registers), geometry, s.wi, n, slot_f, s.slot_pdf);
+        if (s.shifts_terminator) {
+            const ConstColumns3 normal = slot_columns(slot, s.registers).normal;
+            for (int i = 0; i < n; ++i) store(slot_f, i, load(slot_f, i) * terminator_factor(s.terminator_frequency[i], dot(load(normal, i), load(s.wi, i))));
+        }
         if (lamp_visibility) {
             const int32_t needed = slot.lobe == LobeKind::Diffuse  ? scene::kVisibleDiffuse
                                    : slot.lobe == LobeKind::Glossy ? scene::kVisibleGlossy

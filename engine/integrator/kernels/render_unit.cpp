@@ -84,9 +84,10 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
         const int32_t* ends = worker.buckets;
         for (int rank = 0; rank < context.shader_count && begin < hit_count; ++rank) {
             int end = ends[rank];
-            // Neighbouring ranks with the same program share spans.
-            const int program = context.programs->shaders[size_t(context.rank_shader[rank])].surface;
-            while (rank + 1 < context.shader_count && context.programs->shaders[size_t(context.rank_shader[rank + 1])].surface == program) end = ends[++rank];
+            // Neighbouring ranks of the same kind share spans.
+            const auto kind = [&](int r) { return span_kind(context.programs->shaders[size_t(context.rank_shader[r])]); };
+            const int first = rank;
+            while (rank + 1 < context.shader_count && kind(rank + 1) == kind(first)) end = ends[++rank];
             for (; begin < end; begin += kSpan) {
                 const int n = end - begin < kSpan ? end - begin : kSpan;
                 const int survivors = shade_surface(context, worker, worker.sorted + begin, n, tile, worker.active + active);

@@ -43,7 +43,6 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     std::memcpy(s.wi.z, s.light.wi.z, size_t(n) * 4);
     const bool shares = context.layout->light_passes;
     eval_closures(s, program, geometry, s.light.visibility, shares, s.f, s.pdf);
-    geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
 
     const float limit_direct = 3.0f * settings.clamp_direct, limit_indirect = 3.0f * settings.clamp_indirect;
     const float inverse_threshold = settings.light_threshold > 0.0f ? 1.0f / settings.light_threshold : 0.0f;
@@ -82,9 +81,9 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         const int k = queue.n++;
         store(queue.rgb, k, c);
         // The ray ends just short of the light: emissive triangles must not block themselves.
-        const Vec3 origin = load(s.tmp3, i);
         const float distance = s.light.distance[i];
         Vec3 direction = load(s.wi, i);
+        const Vec3 origin = geometry::shadow_origin(*context.scene, s.span, i, direction, s.error[i]);
         float t_max = 3.0e38f;
         if (distance < 1.0e30f) {
             const Vec3 target = load(s.span.p, i) + direction * distance;

@@ -147,6 +147,10 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         }
         const float p = s.slot_weight[size_t(s.chosen[i]) * kSpan + i] / s.weight_sum[i];
         store(s.f, i, load(s.f, i) / p);
+        if (s.shifts_terminator && !(s.sampled_flags[i] & (kSampledTransmit | kSampledTransparent))) {
+            const ConstColumns3 normal = slot_columns(program.slots[size_t(s.chosen[i])], s.registers).normal;
+            store(s.f, i, load(s.f, i) * terminator_factor(s.terminator_frequency[i], dot(load(normal, i), load(s.wi, i))));
+        }
     }
     const bool shares = context.layout->light_passes;
     int scattering = 0;

@@ -47,6 +47,11 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
         uniform = uniform && span.constants[i] == span.constants[0];
     }
     span.uniform_constants = uniform;
+    s.shifts_terminator = false;
+    for (int i = 0; i < n; ++i) {
+        s.terminator_frequency[i] = context.scene->objects[paths.hit.object[lanes[i]]].terminator_frequency;
+        s.shifts_terminator = s.shifts_terminator || s.terminator_frequency[i] != 1.0f;
+    }
 }
 
 /// Radiance the surface emits towards the path, weighted against the light samples that could have found it.
@@ -191,6 +196,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
         geometry.ng = s.span.n_g;
         geometry.ns = program.normal != shader::kNoRegister ? triple_columns(program.normal, s.registers) : s.span.n_s;
         geometry.version = context.settings->version;
+        geometry.bump_correction = compiled.bump_correction;
 
         add_holdout(context, worker, program, tile);
         if (program.emission != shader::kNoRegister) add_emission(context, worker, program, tile);

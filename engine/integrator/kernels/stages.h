@@ -3,6 +3,7 @@
 
 #include <ctime>
 
+#include "base/math.h"
 #include "geometry/surface.h"
 #include "integrator/kernels.h"
 
@@ -97,9 +98,15 @@ TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* 
 TALBOT_INLINE void add_shares(SpanScratch& s, const ClosureSlot& slot, const ClosureGeometry& geometry) {
     const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
     for (int i = 0; i < s.span.n; ++i) {
-        const float same_side = dot(load(s.wi, i), load(geometry.ng, i)) > 0.0f ? 1.0f : 0.0f;
+        const float same_side = dot(load(s.wi, i), load(geometry.ns, i)) > 0.0f ? 1.0f : 0.0f;
         store(part, i, load(part, i) + load(s.slot_f, i) * same_side);
     }
+}
+
+/// Shadow terminator's shading offset: a reflecting closure's cosine c = N . wi becomes cos(frequency acos c), 0 at the latest where that passes 90 degrees.
+TALBOT_INLINE float terminator_factor(float frequency, float c) {
+    const float cosine = minf(c, 1.0f);
+    return frequency > 1.0f && c > 0.0f ? maxf(lane_cos(frequency * lane_acos(cosine)), 0.0f) / cosine : 1.0f;
 }
 
 /// scene::Visibility bit of the kind of ray, from its flags: transmission wins, then camera, diffuse, glossy.

@@ -15,7 +15,6 @@ void clear(const LightQuery& query, const LightSamples& out) {
         out.is_delta[i] = 0;
         out.casts_shadow[i] = 1;
         out.visibility[i] = 0;
-        out.emitter_object[i] = -1;
     }
 }
 
@@ -83,7 +82,6 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
             out.is_delta[lane] = is_delta;
             out.casts_shadow[lane] = found.casts_shadow[i];
             out.visibility[lane] = found.visibility[i];
-            out.emitter_object[lane] = found.object[i];
         }
     }
 }

@@ -93,8 +93,8 @@ inline Affine look_at(Vec3 at, Vec3 target) {
 struct Samples {
     float wx[kSpan], wy[kSpan], wz[kSpan], distance[kSpan], r[kSpan], g[kSpan], b[kSpan], pdf[kSpan];
     uint8_t is_delta[kSpan], casts_shadow[kSpan];
-    int32_t visibility[kSpan], object[kSpan];
-    LightSamples out() { return {{wx, wy, wz}, distance, {r, g, b}, pdf, is_delta, casts_shadow, visibility, object}; }
+    int32_t visibility[kSpan];
+    LightSamples out() { return {{wx, wy, wz}, distance, {r, g, b}, pdf, is_delta, casts_shadow, visibility}; }
     Vec3 wi(int i) const { return {wx[i], wy[i], wz[i]}; }
     Rgb radiance(int i) const { return {r[i], g[i], b[i]}; }
 };

@@ -264,6 +264,49 @@ TEST(ClosedForms, PointSpotAndSun) {
     }
 }
 
+/// A sun of irradiance 1 from this far off the zenith, towards +x.
+void low_sun(Stage& stage, float degrees) {
+    const float c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
+    Light& sun = stage.light(LightType::Sun, 1, {});
+    sun.to_world.m[0][0] = sun.to_world.m[2][2] = c;
+    sun.to_world.m[0][2] = s;
+    sun.to_world.m[2][0] = -s;
+}
+
+// The shading offset o turns the cosine of t into that of t / (1 - o / 2).
+TEST(ClosedForms, ShadowTerminatorShadingOffset) {
+    for (int version : {304, 500}) {
+        Stage stage(16, version);
+        stage.floor();
+        low_sun(stage, 60);
+        stage.look({}, {0, 0, -1});
+        stage.scene.objects[0].shadow_terminator_shading_offset = 0.4f;
+        expect_render(stage, std::cos(75 * M_PI / 180) / M_PI, "offset", 0.001);
+    }
+}
+
+// Two materials with the same program, a normal that leans by 60 degrees, and a sun at 70: one softens the terminator, the other does not.
+TEST(ClosedForms, BumpCorrectionIsTheMaterialsOwn) {
+    Stage stage(16, 500);
+    for (bool correction : {false, true}) {
+        GraphBuilder g;
+        const int lean = g.node("ShaderNodeCombineXYZ").set("X", std::sin(60 * kDegree)).set("Y", 0.0f).set("Z", std::cos(60 * kDegree)).id();
+        const int diffuse = g.node("ShaderNodeBsdfDiffuse")
+                                .color("Color", {1, 1, 1})
+                                .set("Roughness", 0.0f)
+                                .link("Normal", scene::SocketKind::Vector, g.out(lean, "Vector", scene::SocketKind::Vector))
+                                .id();
+        g.surface(g.out(diffuse, "BSDF", scene::SocketKind::Shader));
+        g.shader.use_bump_map_correction = correction;
+        stage.quad({correction ? 1.0f : -1.0f, 0, 0}, {1, 0, 0}, {0, 1, 0}, stage.shader(std::move(g)));
+    }
+    low_sun(stage, 70);
+    stage.look({}, {0, 0, -1});
+    const double tan2 = 3, cos2 = std::pow(std::cos(70 * M_PI / 180), 2);
+    const double shadowed = 2 / (1 + std::sqrt(1 + 0.125 * tan2 * (1 - cos2) / cos2)), plain = std::cos(10 * M_PI / 180) / M_PI;
+    expect_render(stage, 0.5 * (plain + plain * shadowed), "half of the picture", 0.001);
+}
+
 TEST(ClosedForms, AreaLamps) {
     // Irradiance over pi of a square of side 1 at height 1, by its configuration factor (both generations' radiances).
     const double factor = 0.239456470461;
