@@ -1,5 +1,6 @@
 """Talbot's own panels, where a Cycles user looks for them. Blender's panels are enabled in compat_ui.py."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -62,67 +63,87 @@ class TALBOT_RENDER_PT_sampling(TalbotPanel, bpy.types.Panel):
         row.operator(TALBOT_OT_clear_settings.bl_idname, text="", icon="LOOP_BACK")
 
 
-class TALBOT_RENDER_PT_sampling_viewport(TalbotPanel, bpy.types.Panel):
+@dataclass(frozen=True)
+class Sampling:
+    """The settings of a sampling panel, by name: the viewport's and the final render's differ in nothing else."""
+
+    use_threshold: str
+    threshold: str
+    samples: str
+    min_samples: str
+    denoise: str
+    more: tuple[str, ...] = ()
+
+
+VIEWPORT_SAMPLING = Sampling(
+    "use_preview_adaptive_sampling",
+    "preview_adaptive_threshold",
+    "preview_samples",
+    "preview_adaptive_min_samples",
+    "use_preview_denoising",
+)
+RENDER_SAMPLING = Sampling(
+    "use_adaptive_sampling", "adaptive_threshold", "samples", "adaptive_min_samples", "use_denoising", ("time_limit",)
+)
+
+
+class SamplingPanel(TalbotPanel):
+    """Noise threshold and samples."""
+
+    bl_parent_id = "TALBOT_RENDER_PT_sampling"
+    sampling: Sampling
+
+    def draw(self, context: Any) -> None:
+        """The threshold with its switch, then what it changes the meaning of."""
+        talbot, names = context.scene.talbot, self.sampling
+        adaptive = getattr(talbot, names.use_threshold)
+        column = self.column()
+        row = column.column(align=True, heading="Noise Threshold").row(align=True)
+        row.prop(talbot, names.use_threshold, text="")
+        sub = row.row()
+        sub.active = adaptive
+        sub.prop(talbot, names.threshold, text="")
+        column.prop(talbot, names.samples, text="Max Samples" if adaptive else "Samples")
+        sub = column.row()
+        sub.active = adaptive
+        sub.prop(talbot, names.min_samples)
+        _props(column, talbot, *names.more)
+
+
+class DenoisePanel(TalbotPanel):
+    """The denoiser's switch and which library there is."""
+
+    bl_label = "Denoise"
+    bl_options = {"DEFAULT_CLOSED"}
+    sampling: Sampling
+
+    def draw_header(self, context: Any) -> None:
+        """The switch."""
+        self.layout.prop(context.scene.talbot, self.sampling.denoise, text="")
+
+    def draw(self, context: Any) -> None:
+        """The library's version, or that there is none."""
+        _draw_denoiser(self.layout, context)
+
+
+class TALBOT_RENDER_PT_sampling_viewport(SamplingPanel, bpy.types.Panel):
     bl_label = "Viewport"
-    bl_parent_id = "TALBOT_RENDER_PT_sampling"
-
-    def draw(self, context: Any) -> None:
-        talbot = context.scene.talbot
-        column = self.column()
-        heading = column.column(align=True, heading="Noise Threshold")
-        row = heading.row(align=True)
-        row.prop(talbot, "use_preview_adaptive_sampling", text="")
-        sub = row.row()
-        sub.active = talbot.use_preview_adaptive_sampling
-        sub.prop(talbot, "preview_adaptive_threshold", text="")
-        column.prop(talbot, "preview_samples", text="Max Samples" if sub.active else "Samples")
-        sub = column.row()
-        sub.active = talbot.use_preview_adaptive_sampling
-        sub.prop(talbot, "preview_adaptive_min_samples")
+    sampling = VIEWPORT_SAMPLING
 
 
-class TALBOT_RENDER_PT_sampling_viewport_denoise(TalbotPanel, bpy.types.Panel):
-    bl_label = "Denoise"
+class TALBOT_RENDER_PT_sampling_viewport_denoise(DenoisePanel, bpy.types.Panel):
     bl_parent_id = "TALBOT_RENDER_PT_sampling_viewport"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_header(self, context: Any) -> None:
-        self.layout.prop(context.scene.talbot, "use_preview_denoising", text="")
-
-    def draw(self, context: Any) -> None:
-        _draw_denoiser(self.layout, context)
+    sampling = VIEWPORT_SAMPLING
 
 
-class TALBOT_RENDER_PT_sampling_render(TalbotPanel, bpy.types.Panel):
+class TALBOT_RENDER_PT_sampling_render(SamplingPanel, bpy.types.Panel):
     bl_label = "Render"
-    bl_parent_id = "TALBOT_RENDER_PT_sampling"
-
-    def draw(self, context: Any) -> None:
-        talbot = context.scene.talbot
-        column = self.column()
-        heading = column.column(align=True, heading="Noise Threshold")
-        row = heading.row(align=True)
-        row.prop(talbot, "use_adaptive_sampling", text="")
-        sub = row.row()
-        sub.active = talbot.use_adaptive_sampling
-        sub.prop(talbot, "adaptive_threshold", text="")
-        column.prop(talbot, "samples", text="Max Samples" if sub.active else "Samples")
-        sub = column.row()
-        sub.active = talbot.use_adaptive_sampling
-        sub.prop(talbot, "adaptive_min_samples")
-        column.prop(talbot, "time_limit")
+    sampling = RENDER_SAMPLING
 
 
-class TALBOT_RENDER_PT_sampling_render_denoise(TalbotPanel, bpy.types.Panel):
-    bl_label = "Denoise"
+class TALBOT_RENDER_PT_sampling_render_denoise(DenoisePanel, bpy.types.Panel):
     bl_parent_id = "TALBOT_RENDER_PT_sampling_render"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_header(self, context: Any) -> None:
-        self.layout.prop(context.scene.talbot, "use_denoising", text="")
-
-    def draw(self, context: Any) -> None:
-        _draw_denoiser(self.layout, context)
+    sampling = RENDER_SAMPLING
 
 
 class TALBOT_RENDER_PT_sampling_advanced(TalbotPanel, bpy.types.Panel):
