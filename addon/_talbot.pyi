@@ -147,6 +147,9 @@ class Session:
         """Width and height of the rendered area."""
     def read_pass(self, name: str) -> f32 | None:
         """(height * width, channels), bottom row first; None before the first sample or when it was not asked for."""
-    def denoise(self, library_dirs: list[str]) -> f32 | None:
-        """Denoised Combined (height * width, 4); None, with a warning in the report, when it cannot."""
+    def set_denoiser(self, library_dirs: list[str] | None) -> None:
+        """From the next start on Combined is denoised in the background when its samples are done (state still "rendering",
+        status "Denoising"); cancel and edits end that too. None: not denoised."""
+    def read_denoised(self) -> f32 | None:
+        """Denoised Combined (height * width, 4); None while there is none. The report warns when there cannot be one."""
     def dump(self, path: str) -> None: ...

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from . import native, passes, reports
 from .sessions import Synced, open_session
@@ -127,6 +125,7 @@ class LayerRender:
         session = synced.session
         self.state.running = session
         session.set_passes(passes.native_names(self.passes, denoise=self.denoise))
+        session.set_denoiser(native.library_dirs() if self.denoise else None)
         for number, view in enumerate(self.views):
             if view or self.engine.camera_override:
                 self.engine.active_view_set(view)
@@ -194,16 +193,10 @@ class LayerRender:
                 engine.update_result(self.result)
                 spent = time.perf_counter() - now
                 next_picture = now + max(0.5, spent / PICTURE_SHARE)
-        denoised = None if cancelled else self._denoise(session)
+        denoised = session.read_denoised() if self.denoise and not cancelled else None
         passes.write(self.result.layers[0], view, self.passes, session, self.pixels, denoised=denoised)
         engine.update_result(self.result)
         return not cancelled
-
-    def _denoise(self, session: Any) -> NDArray[np.float32] | None:
-        if not self.denoise:
-            return None
-        self.engine.update_stats(self._stats_line(session.progress()), "Denoising")
-        return session.denoise(native.library_dirs())
 
     def _stats_line(self, progress: dict[str, Any]) -> str:
         parts = [f"{self.scene.name}, {self.layer.name}"]

@@ -24,9 +24,9 @@ class Viewport:
         self.session: Any = None
         self.sync: Any = None
         self._drawn_version = -1
-        self._denoised_version = -1
         self._texture: Any = None
         self._pixels: NDArray[np.float32] | None = None  # the GPU buffer aliases this memory
+        self._rectangle = (0.0, 0.0, 1.0, 1.0)  # of the region that the texture covers
         self._passes: list[str] = []
         self.closed = False
         self.ticking = False
@@ -73,18 +73,19 @@ class Viewport:
         self._restart(engine)
 
     def _choose_passes(self, scene: Any) -> bool:
-        """Asks for the denoiser's guides while it is on. True when that changed."""
-        wanted = ["combined", *(passes.DENOISING_GUIDES if scene.talbot.use_preview_denoising else ())]
+        """Asks for the denoiser and its guides while it is on. True when that changed."""
+        denoise = scene.talbot.use_preview_denoising
+        wanted = ["combined", *(passes.DENOISING_GUIDES if denoise else ())]
         if wanted == self._passes:
             return False
         self._passes = wanted
         self.session.set_passes(wanted)
+        self.session.set_denoiser(native.library_dirs() if denoise else None)
         return True
 
     def _restart(self, engine: Any) -> None:
         self.session.start()
         self._drawn_version = -1
-        self._denoised_version = -1
         self._keep_ticking(engine)
         engine.update_stats("Talbot", "Updating")
 
@@ -101,7 +102,7 @@ class Viewport:
             self._restart(engine)
         progress = self.session.progress()
         final.check_failed(self.session, progress)
-        self._refresh_texture(depsgraph.scene_eval, progress)
+        self._refresh_texture(progress)
         self._draw_texture(width, height)
         self._show_status(engine, progress)
         if progress["state"] in WORKING:
@@ -110,22 +111,18 @@ class Viewport:
     def _draw_texture(self, width: int, height: int) -> None:
         """Linear and premultiplied: Blender applies the view transform. Stretched until a resize has its picture."""
         if self._texture is not None:
+            x, y, across, up = self._rectangle
             gpu.state.blend_set("ALPHA_PREMULT")
-            draw_texture_2d(self._texture, (0, 0), width, height)
+            draw_texture_2d(self._texture, (x * width, y * height), across * width, up * height)
             gpu.state.blend_set("NONE")
 
-    def _refresh_texture(self, scene: Any, progress: dict[str, Any]) -> None:
+    def _refresh_texture(self, progress: dict[str, Any]) -> None:
         version = progress["image_version"]
-        done = progress["state"] == "done"
-        if done and scene.talbot.use_preview_denoising and self._denoised_version != version:
-            self._denoised_version = version
-            denoised = self.session.denoise(native.library_dirs())
-            if denoised is not None:
-                self._upload(denoised)
-                self._drawn_version = version
         if version == self._drawn_version:
             return
-        pixels = self.session.read_pass("combined")
+        pixels = self.session.read_denoised()
+        if pixels is None:
+            pixels = self.session.read_pass("combined")
         if pixels is not None:
             self._upload(pixels)
             self._drawn_version = version
@@ -137,6 +134,7 @@ class Viewport:
         self._pixels = np.ascontiguousarray(pixels, np.float32)
         buffer = gpu.types.Buffer("FLOAT", self._pixels.size, self._pixels.reshape(-1))
         self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
+        self._rectangle = self.sync.viewport_rectangle()
 
     def _show_status(self, engine: Any, progress: dict[str, Any]) -> None:
         memory = f"Mem:{progress['memory'] / final.MEBIBYTE:.0f}M"

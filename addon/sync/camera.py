@@ -9,6 +9,7 @@ from typing import Any
 
 from mathutils import Matrix, Vector
 
+from .. import settings as talbot_settings
 from .. import versions
 from .context import SyncContext, column_major
 
@@ -201,3 +202,47 @@ def viewport_values(
         matrix = matrix @ Matrix.Translation((0.0, 0.0, space.clip_end / 2.0))
         values["clip_start"] = 0.0
     return values | {"to_world": column_major(matrix)}
+
+
+def viewport_border(view_context: Any, region_data: Any, width: int, height: int) -> tuple[int, int, int, int]:
+    """The part of a 3D viewport to render as x, y, width, height in pixels from the bottom left; zeros: all of it.
+
+    In the camera's view the render region of the scene, a part of the camera's frame; else the viewport's own."""
+    space, render = view_context.space_data, view_context.scene.render
+    camera_object = space.camera or view_context.scene.camera
+    if region_data.view_perspective == "CAMERA" and camera_object is not None:
+        if not render.use_border:
+            return 0, 0, 0, 0
+        left, right, bottom, top = window_of_projection(region_data.window_matrix)
+        frame_width, frame_height = talbot_settings.resolution(render)
+        camera_object = camera_object.evaluated_get(view_context.evaluated_depsgraph_get())
+        values = camera_values(
+            SyncContext(None), camera_object, render, frame_width, frame_height, camera_object.matrix_world
+        )
+        frame = values["view"]
+        sides = (
+            _mix(frame[0], frame[1], render.border_min_x) - left,
+            _mix(frame[0], frame[1], render.border_max_x) - left,
+            _mix(frame[2], frame[3], render.border_min_y) - bottom,
+            _mix(frame[2], frame[3], render.border_max_y) - bottom,
+        )
+        x0, x1 = sides[0] / (right - left), sides[1] / (right - left)
+        y0, y1 = sides[2] / (top - bottom), sides[3] / (top - bottom)
+    elif space.use_render_border:
+        x0, x1 = space.render_border_min_x, space.render_border_max_x
+        y0, y1 = space.render_border_min_y, space.render_border_max_y
+    else:
+        return 0, 0, 0, 0
+    x, x_end = _pixels(x0, x1, width)
+    y, y_end = _pixels(y0, y1, height)
+    return x, y, x_end - x, y_end - y
+
+
+def _mix(low: float, high: float, fraction: float) -> float:
+    return low + (high - low) * fraction
+
+
+def _pixels(low: float, high: float, size: int) -> tuple[int, int]:
+    """First and end pixel of a border's side; at least one pixel, which lies in the region."""
+    first = min(max(int(low * size), 0), max(size - 1, 0))
+    return first, min(max(int(high * size), first + 1), max(size, 1))

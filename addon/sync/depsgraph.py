@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from .. import settings as talbot_settings
-from .camera import camera_values, viewport_values
+from .camera import camera_values, viewport_border, viewport_values
 from .context import ACTIVE_UV, SyncContext, id_key
 from .images import ImageSync
 from .materials import ShaderSync
@@ -22,6 +22,7 @@ from .unsupported import warn_scene
 from .world import world_values
 
 Key = tuple[str, str]
+CROP = ("crop_x", "crop_y", "crop_width", "crop_height")
 GEOMETRY_KINDS = (
     "Object",
     "Mesh",
@@ -152,6 +153,8 @@ class SceneSync:
             scene, view_layer, scene.render, viewport=self.context.viewport, preview=preview
         )
         values["width"], values["height"] = max(width, 1), max(height, 1)
+        if self.context.viewport:
+            values |= {name: self._settings[name] for name in CROP if name in self._settings}
         self.context.version = values["version"]
         if values == self._settings:
             return False
@@ -291,13 +294,22 @@ class SceneSync:
         return self._send_camera(camera_values(self.context, camera, scene.render, width, height, matrix, shift_x))
 
     def set_viewport_camera(self, context: Any, region: Any, region_data: Any, width: int, height: int) -> bool:
-        """Follows a 3D viewport's view and size. True when either changed."""
-        changed = False
-        if (width, height) != (self._settings.get("width"), self._settings.get("height")):
-            self._settings = self._settings | {"width": max(width, 1), "height": max(height, 1)}
+        """Follows a 3D viewport's view, size and render region. True when one of them changed."""
+        border = viewport_border(context, region_data, width, height)
+        window = {"width": max(width, 1), "height": max(height, 1)} | dict(zip(CROP, border, strict=True))
+        changed = any(self._settings.get(name) != value for name, value in window.items())
+        if changed:
+            self._settings = self._settings | window
             self.session.set_settings(self._settings)
-            changed = True
         return self._send_camera(viewport_values(self.context, context, region_data, width, height)) or changed
+
+    def viewport_rectangle(self) -> tuple[float, float, float, float]:
+        """What the picture covers of the viewport's region: x, y, width, height as fractions, from the bottom left."""
+        width, height = self._settings["width"], self._settings["height"]
+        x, y, across, up = (self._settings[name] for name in CROP)
+        if across == 0:
+            return 0.0, 0.0, 1.0, 1.0
+        return x / width, y / height, across / width, up / height
 
 
 def read_record(context: SyncContext, record: Record, scene: Any) -> dict[str, Any] | None:

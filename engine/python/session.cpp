@@ -180,13 +180,13 @@ py::object read_pass(const NativeSession& native, const std::string& name) {
     return available ? make_array(pixels, count) : py::object(py::none());
 }
 
-py::object denoise(NativeSession& native, const std::vector<std::string>& library_dirs) {
+py::object read_denoised(const NativeSession& native) {
     std::vector<float> pixels;
     size_t count = 0;
     bool available = false;
     {
         const py::gil_scoped_release released;
-        available = native.session.denoise(library_dirs, pixels);
+        available = native.session.read_denoised(pixels);
         count = pixel_count(native);
     }
     return available ? make_array(pixels, count) : py::object(py::none());
@@ -272,7 +272,13 @@ void bind_session(py::module_& module) {
         .def("report", &report_list)
         .def("size", [](const Native& n) { return py::make_tuple(n.session.width(), n.session.height()); })
         .def("read_pass", &read_pass)
-        .def("denoise", [](Native& n, const py::object& dirs) { return denoise(n, string_list(dirs)); })
+        .def("set_denoiser",
+             [](Native& n, const py::object& dirs) {
+                 const std::vector<std::string> list = dirs.is_none() ? std::vector<std::string>() : string_list(dirs);
+                 const py::gil_scoped_release released;
+                 n.session.set_denoiser(dirs.is_none() ? nullptr : &list);
+             })
+        .def("read_denoised", &read_denoised)
         .def("dump", [](Native& n, const std::string& path) {
             const py::gil_scoped_release released;
             dump_scene(n.session.edit(), path);

@@ -12,6 +12,36 @@ bool is_running(SessionState state) {
     return state == SessionState::Updating || state == SessionState::Rendering || state == SessionState::Paused;
 }
 
+std::vector<float> resolve(const film::Film& film, scene::PassKind kind, const scene::Settings& settings) {
+    std::vector<float> pixels;
+    if (film.layout().has(kind)) {
+        pixels.resize(size_t(film.width()) * size_t(film.height()) * size_t(film::pass_channels(kind)));
+        film.resolve(kind, settings, pixels);
+    }
+    return pixels;
+}
+
+/// The whole film, on the controller's thread: whoever looks at the picture goes on, and a cancel ends it.
+void denoise(Session::State& s) {
+    s.set_status(SessionState::Rendering, "Denoising");
+    const scene::Settings& settings = s.scene.settings;
+    std::vector<float> rgba = resolve(*s.film, scene::PassKind::Combined, settings);
+    const std::vector<float> albedo = resolve(*s.film, scene::PassKind::DenoisingAlbedo, settings);
+    const std::vector<float> normal = resolve(*s.film, scene::PassKind::DenoisingNormal, settings);
+    std::vector<float> color(rgba.size() / 4 * 3);
+    for (size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(&rgba[i * 4], 3, &color[i * 3]);
+    const film::DenoiseResult result = film::denoise(color, albedo, normal, s.width, s.height, s.data.pool->size(), *s.denoiser, &s.cancel);
+    if (s.cancel) throw Cancelled{};
+    if (!result.ok) {
+        s.report.warning(result.message);
+        return;
+    }
+    for (size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(&color[i * 3], 3, &rgba[i * 4]);
+    std::lock_guard lock(s.mutex);
+    s.denoised = std::move(rgba);
+    s.progress.image_version++;
+}
+
 void control(Session::State& s) {
     FlushDenormals flush;
     SessionState end = SessionState::Done;
@@ -19,6 +49,7 @@ void control(Session::State& s) {
     try {
         update_render_data(s);
         render_samples(s);
+        if (s.denoiser) denoise(s);
     } catch (const Cancelled&) {
         end = SessionState::Cancelled;
         status = "Cancelled";
@@ -76,6 +107,7 @@ void Session::start() {
         s.progress.memory_peak = peak;
         s.progress.samples_total = s.scene.settings.samples;
         s.error.clear();
+        s.denoised.clear();
     }
     s.report.clear();
     s.controller = std::thread([&s] { control(s); });
@@ -155,22 +187,18 @@ bool Session::read_pass(scene::PassKind kind, std::vector<float>& out) const {
     return true;
 }
 
-bool Session::denoise(const std::vector<std::string>& library_dirs, std::vector<float>& rgba_out) {
-    State& s = *state_;
-    std::vector<float> albedo, normal;
-    if (!read_pass(scene::PassKind::Combined, rgba_out)) return false;
-    read_pass(scene::PassKind::DenoisingAlbedo, albedo);
-    read_pass(scene::PassKind::DenoisingNormal, normal);
-    const size_t pixels = rgba_out.size() / 4;
-    std::vector<float> color(pixels * 3);
-    for (size_t i = 0; i < pixels; ++i) std::copy_n(&rgba_out[i * 4], 3, &color[i * 3]);
-    const film::DenoiseResult result = film::denoise(color, albedo, normal, s.width, s.height, s.data.pool ? s.data.pool->size() : 0, library_dirs, &s.cancel);
-    if (!result.ok) {
-        s.report.warning(result.message);
-        return false;
-    }
-    for (size_t i = 0; i < pixels; ++i) std::copy_n(&color[i * 3], 3, &rgba_out[i * 4]);
-    return true;
+void Session::set_denoiser(const std::vector<std::string>* library_dirs) {
+    stop();
+    if (library_dirs)
+        state_->denoiser = *library_dirs;
+    else
+        state_->denoiser.reset();
+}
+
+bool Session::read_denoised(std::vector<float>& rgba_out) const {
+    std::lock_guard lock(state_->mutex);
+    rgba_out = state_->denoised;
+    return !rgba_out.empty();
 }
 
 }  // namespace talbot

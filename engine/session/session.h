@@ -58,8 +58,11 @@ public:
     /// Current mean of a pass: width*height*channels, bottom row first. Returns false when the pass was not asked for or nothing is rendered yet.
     bool read_pass(scene::PassKind kind, std::vector<float>& out) const;
 
-    /// Denoises Combined with albedo and normal guides (asked for as passes). Blocks; false with a report line when it cannot.
-    bool denoise(const std::vector<std::string>& library_dirs, std::vector<float>& rgba_out);
+    /// From the next start on Combined is denoised in the background when its samples are done, with albedo and normal guides (where asked for as passes);
+    /// then the session is. `library_dirs`: where to look for Open Image Denoise first; null: not denoised.
+    void set_denoiser(const std::vector<std::string>* library_dirs);
+    /// Denoised Combined, width*height*4. False while there is none; the report says when there cannot be one.
+    bool read_denoised(std::vector<float>& rgba_out) const;
 
     struct State;
 

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "asset/texture.h"
@@ -45,12 +46,14 @@ struct Session::State {
     std::unique_ptr<film::Film> coarse;  ///< a preview at coarse_size until the first full sample is in; else null
     int coarse_size = 1;
     int width = 0, height = 0;
+    std::optional<std::vector<std::string>> denoiser;  ///< its library directories; none: not denoised
+    std::vector<float> denoised;                       ///< rgba; empty: not yet
 
     std::thread controller;
     std::atomic<bool> cancel{false};
     std::atomic<bool> paused{false};
 
-    mutable std::mutex mutex;  ///< progress, statistics, error, film pointers
+    mutable std::mutex mutex;  ///< progress, statistics, error, film pointers, denoised
     std::condition_variable changed;
     Progress progress;
     Statistics statistics;

@@ -40,6 +40,7 @@ class FakeSession:
 
     def __init__(self) -> None:
         self.pass_names: list[str] = []
+        self.denoiser: list[str] | None = None
         self.width, self.height = 0, 0
         self.starts = 0
         self.waits = 0
@@ -110,7 +111,10 @@ class FakeSession:
             values[:, 3] = 1
         return values
 
-    def denoise(self, library_dirs: list[str]) -> np.ndarray | None:
+    def set_denoiser(self, library_dirs: list[str] | None) -> None:
+        self.denoiser = library_dirs
+
+    def read_denoised(self) -> np.ndarray | None:
         return None
 
 
@@ -119,6 +123,7 @@ class FakeSync:
 
     raise_in_full: BaseException | None = None
     warnings: list[str] = []
+    rectangle = (0.0, 0.0, 1.0, 1.0)
 
     def __init__(self, session: FakeSession) -> None:
         self.session = session
@@ -141,6 +146,9 @@ class FakeSync:
 
     def set_render_camera(self, engine: Any, depsgraph: Any) -> None:
         return
+
+    def viewport_rectangle(self) -> tuple[float, float, float, float]:
+        return self.rectangle
 
     def set_viewport_camera(self, context: Any, region: Any, region_data: Any, width: int, height: int) -> bool:
         changed = (width, height) != (self.session.width, self.session.height)

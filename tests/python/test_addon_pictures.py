@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -236,6 +238,57 @@ def test_denoising(scene: bpy.types.Scene) -> None:
     clean = picture(scene)
     assert not np.array_equal(clean, noisy)
     assert clean.mean() == pytest.approx(noisy.mean(), rel=0.1)
+
+
+def big_session() -> Any:
+    """A black picture that is soon rendered and takes a while to denoise."""
+    session = native.module().Session()
+    session.set_settings({"width": 1400, "height": 1400, "samples": 1})
+    session.set_passes(["combined"])
+    session.set_denoiser(native.library_dirs())
+    return session
+
+
+def wait_for_status(session: Any, status: str) -> None:
+    while session.progress()["status"] != status:
+        assert not session.wait(1), session.progress()
+
+
+def test_denoising_blocks_nobody_and_an_edit_ends_it() -> None:
+    if not native.denoiser_version():
+        pytest.skip("Open Image Denoise was not found")
+    session = big_session()
+    session.start()
+    wait_for_status(session, "Denoising")
+    begin = time.perf_counter()
+    assert session.read_pass("combined").shape == (1400 * 1400, 4)
+    assert session.read_denoised() is None
+    session.set_settings({"width": 8, "height": 8, "samples": 1})
+    assert time.perf_counter() - begin < 1.0
+    assert session.progress()["state"] == "cancelled"
+    session.start()
+    while not session.wait(100):
+        pass
+    assert session.read_denoised().shape == (64, 4)
+    session.set_denoiser(None)
+    session.start()
+    while not session.wait(100):
+        pass
+    assert session.read_denoised() is None
+
+
+def test_denoiser_that_is_not_there_is_a_warning() -> None:
+    if native.denoiser_version():
+        pytest.skip("Open Image Denoise is here")
+    session = big_session()
+    session.start()
+    while not session.wait(100):
+        pass
+    assert session.progress()["state"] == "done"
+    assert session.read_denoised() is None
+    assert [line[:2] for line in session.report()] == [
+        ("warning", "Denoising needs the Open Image Denoise library (version 2), which was not found")
+    ]
 
 
 def test_empty_scene_is_a_picture(scene: bpy.types.Scene) -> None:

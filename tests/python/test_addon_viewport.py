@@ -40,6 +40,7 @@ class Window:
         self.depsgraph = SimpleNamespace(scene_eval=scene, view_layer_eval=None)
         self.textures: list[tuple[tuple[int, int], np.ndarray]] = []
         self.drawn: list[tuple[int, int]] = []
+        self.placed: list[tuple[tuple[float, float], tuple[float, float]]] = []
         self.timers: list[Callable[[], float | None]] = []
         types = SimpleNamespace(
             Buffer=lambda kind, size, data: np.array(data),
@@ -47,9 +48,13 @@ class Window:
         )
         gpu = SimpleNamespace(types=types, state=SimpleNamespace(blend_set=lambda mode: None))
         monkeypatch.setattr(viewport, "gpu", gpu)
-        monkeypatch.setattr(viewport, "draw_texture_2d", lambda texture, at, w, h: self.drawn.append((w, h)))
+        monkeypatch.setattr(viewport, "draw_texture_2d", self.draw)
         timers = SimpleNamespace(register=lambda tick, first_interval: self.timers.append(tick))
         monkeypatch.setattr(viewport, "bpy", SimpleNamespace(app=SimpleNamespace(timers=timers)))
+
+    def draw(self, texture: int, at: tuple[float, float], width: float, height: float) -> None:
+        self.drawn.append((width, height))
+        self.placed.append((at, (width, height)))
 
     def upload(self, size: tuple[int, int], data: np.ndarray) -> int:
         self.textures.append((size, data))
@@ -183,21 +188,43 @@ def test_warnings_are_listed(window: Window) -> None:
     assert [str(line) for line in reports.of_scene("Viewport Test").lines] == ["Object Fur: hair is not rendered"]
 
 
-def test_denoises_the_finished_picture_once(window: Window) -> None:
-    calls: list[int] = []
-
-    def denoise(session: FakeSession, library_dirs: list[str]) -> np.ndarray:
-        calls.append(1)
-        return np.full((48, 4), 0.5, np.float32)
+def test_denoised_picture_is_drawn_when_there_is_one(window: Window) -> None:
+    def read_denoised(session: FakeSession) -> np.ndarray | None:
+        return np.full((48, 4), 0.5, np.float32) if session.waits >= 3 else None
 
     window.talbot.use_preview_denoising = True
-    with fake_engine(steps=3, denoise=denoise):
+    with fake_engine(steps=4, read_denoised=read_denoised):
+        view, engine = started(window)
+        session = FakeSession.made[0]
+        assert session.denoiser is not None
+        view.draw(engine, window.context, window.depsgraph)
+        assert window.textures[-1][1].reshape(-1)[0] == 0.25
+        session.waits = 3
+        view.draw(engine, window.context, window.depsgraph)
+        view.draw(engine, window.context, window.depsgraph)
+    assert len(window.textures) == 2
+    assert window.textures[-1][1].reshape(-1)[0] == 0.5
+    assert session.pass_names == ["combined", "denoising_albedo", "denoising_normal"]
+
+
+def test_denoising_is_the_sessions_work(window: Window) -> None:
+    """Switching it on or off starts again with other passes; nothing waits for it while drawing."""
+    with fake_engine(steps=4):
+        view, engine = started(window)
+        session = FakeSession.made[0]
+        assert session.denoiser is None
+        window.talbot.use_preview_denoising = True
+        view.update(engine, window.context, window.depsgraph)
+        assert session.denoiser is not None and session.starts == 2
+        window.talbot.use_preview_denoising = False
+        view.update(engine, window.context, window.depsgraph)
+        assert session.denoiser is None and session.pass_names == ["combined"]
+
+
+def test_region_is_drawn_where_it_lies(window: Window) -> None:
+    with fake_engine(steps=4, rectangle=(0.25, 0.5, 0.5, 0.25)):
         view, engine = started(window)
         view.draw(engine, window.context, window.depsgraph)
-        assert calls == []
-        FakeSession.made[0].waits = 3
+        window.region.width = 16  # stretched with the window
         view.draw(engine, window.context, window.depsgraph)
-        view.draw(engine, window.context, window.depsgraph)
-    assert calls == [1]
-    assert window.textures[-1][1].reshape(-1)[0] == 0.5
-    assert FakeSession.made[0].pass_names == ["combined", "denoising_albedo", "denoising_normal"]
+    assert window.placed == [((2, 3), (4, 1.5)), ((4, 3), (8, 1.5))]

@@ -10,7 +10,7 @@ import bpy
 import pytest
 from mathutils import Matrix
 from sync_recorder import synchronise
-from talbot.sync.camera import film_window, viewport_values, window_of_projection
+from talbot.sync.camera import film_window, viewport_border, viewport_values, window_of_projection
 from talbot.sync.context import SyncContext
 
 
@@ -149,7 +149,7 @@ def test_viewport_view(empty_scene: Any, perspective: bool) -> None:
     region_data = SimpleNamespace(
         view_matrix=matrix, window_matrix=window_matrix, view_perspective="PERSP" if perspective else "ORTHO"
     )
-    space = SimpleNamespace(clip_start=0.1, clip_end=100, camera=None)
+    space = SimpleNamespace(clip_start=0.1, clip_end=100, camera=None, use_render_border=False)
     context = SimpleNamespace(space_data=space, scene=bpy.context.scene)
     values = viewport_values(SyncContext(None), context, region_data, 80, 60)
     if perspective:
@@ -167,3 +167,44 @@ def test_film_window_shift_is_of_the_fitted_side() -> None:
     assert (left, right) == pytest.approx((-0.4, 0.6))
     assert (bottom, top) == pytest.approx((-0.15, 0.35))
     assert math.isclose(right - left, 1)
+
+
+def view_of(perspective: str, window_matrix: Matrix, **space: Any) -> tuple[Any, Any]:
+    """The context and the region's data of a 3D viewport."""
+    defaults = {"camera": None, "use_render_border": False}
+    scene = bpy.context.scene
+    context = SimpleNamespace(
+        space_data=SimpleNamespace(**(defaults | space)),
+        scene=scene,
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+    )
+    return context, SimpleNamespace(window_matrix=window_matrix, view_perspective=perspective)
+
+
+def test_border_of_a_view(empty_scene: Any) -> None:
+    border = {
+        "render_border_min_x": 0.25,
+        "render_border_max_x": 0.5,
+        "render_border_min_y": 0.1,
+        "render_border_max_y": 1,
+    }
+    matrix = projection(-0.04, 0.04, -0.03, 0.03, 0.1, 100)
+    assert viewport_border(*view_of("PERSP", matrix, **border), 80, 60) == (0, 0, 0, 0)
+    assert viewport_border(*view_of("PERSP", matrix, use_render_border=True, **border), 80, 60) == (20, 6, 20, 54)
+    border["render_border_max_x"] = border["render_border_min_x"] = 1.0
+    assert viewport_border(*view_of("PERSP", matrix, use_render_border=True, **border), 80, 60) == (79, 6, 1, 54)
+
+
+def test_border_in_the_cameras_view(empty_scene: Any) -> None:
+    """The camera's frame fills half of the view's width, and the border the right half of the frame."""
+    scene = bpy.context.scene
+    add_camera(lens=50)  # sees from -0.36 to 0.36 at distance 1
+    scene.render.resolution_x, scene.render.resolution_y = 200, 100
+    matrix = projection(-0.072, 0.072, -0.054, 0.054, 0.1, 100)
+    assert viewport_border(*view_of("CAMERA", matrix, use_render_border=True), 80, 60) == (0, 0, 0, 0)
+    scene.render.use_border = True
+    scene.render.border_min_x, scene.render.border_max_x = 0.5, 1.0
+    scene.render.border_min_y, scene.render.border_max_y = 0.0, 1.0
+    x, y, width, height = viewport_border(*view_of("CAMERA", matrix), 80, 60)
+    assert (x, width) == pytest.approx((40, 20), abs=1)
+    assert (y, height) == pytest.approx((20, 20), abs=1)
