@@ -94,7 +94,7 @@ void eval_mixture(SpanScratch& s, const shader::Program& program, const ClosureG
         f.z[i] = use ? sum.z[i] * inverse : f.z[i];
         s.pdf[i] = use ? pdf : s.pdf[i];
         // One slot alone stands for the mixture with the probability it was chosen with.
-        s.sampled_flags[i] |= smooth & !(pdf > 0.0f) ? int32_t(kSampledFailed) : 0;
+        s.sampled_flags[i] |= (smooth & !(pdf > 0.0f)) ? int32_t(kSampledFailed) : 0;
     }
 }
 
