@@ -31,6 +31,9 @@ def check() -> None:
 def denoiser_version(library_dirs: list[str]) -> str:
     """ "2.3.3", or "" when Open Image Denoise is not found."""
 
+def random_per_island(vertices: int, edges: u32) -> bytes:
+    """f32 a vertex, in 0..1, alike all over a connected part; edges as pairs of vertices."""
+
 class Progress(TypedDict):
     state: str  # idle, updating, rendering, paused, done, cancelled, failed
     status: str

@@ -13,8 +13,11 @@ ACTIVE_COLOR = "@color"
 ACTIVE_TANGENT = "@tangent"
 GENERATED = "@generated"
 INSTANCER = "@instancer"
+POINTINESS = "@pointiness"
+ISLAND = "@island"
 PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER": "layer:"}
-"""Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, and the instancer's coordinates."""
+"""Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, the instancer's coordinates, and what
+topology gives."""
 
 
 class Interrupted(Exception):

@@ -14,10 +14,13 @@ from .context import (
     ACTIVE_UV,
     GENERATED,
     INSTANCER,
+    ISLAND,
+    POINTINESS,
     PROPERTY_PREFIXES,
     SyncContext,
 )
 from .tangents import corner_tangents
+from .topology import pointiness, random_per_island
 
 F32 = NDArray[np.float32]
 
@@ -180,6 +183,12 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
             uv = _read_uv(mesh, name.removeprefix("@tangent:"))
             if uv is not None:
                 out.append((name, "CORNER", False, corner_tangents(mesh, name.removeprefix("@tangent:"), uv, arrays)))
+            continue
+        if name == POINTINESS:
+            out.append((name, "VERTEX", False, pointiness(mesh, arrays["positions"])))
+            continue
+        if name == ISLAND:
+            out.append((name, "VERTEX", False, random_per_island(mesh, len(mesh.vertices))))
             continue
         uv = _read_uv(mesh, name)
         if uv is not None:

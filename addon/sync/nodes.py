@@ -18,9 +18,12 @@ from .context import (
     ACTIVE_UV,
     GENERATED,
     INSTANCER,
+    ISLAND,
+    POINTINESS,
     PROPERTY_PREFIXES,
     SyncContext,
 )
+from .ies import BadFile, ies_text, parse_ies
 from .images import ImageSync
 from .nodes_flatten import FlatNode, Flattener, Source
 
@@ -48,6 +51,10 @@ UNLINKED_GENERATED = {
     "ShaderNodeTexSky",
 }
 """Textures whose unlinked Vector means Generated."""
+
+
+GEOMETRY_ATTRIBUTES = {"Pointiness": POINTINESS, "Random Per Island": ISLAND, "Tangent": GENERATED}
+"""What outputs of the Geometry node read from the mesh."""
 
 
 def socket_kind(socket: Any) -> str | None:
@@ -173,6 +180,8 @@ class GraphBuilder:
                 out["color_ramp_constant"] = float(value.interpolation == "CONSTANT")
             elif identifier == "mapping":
                 out.update(curve_properties(value, self.context.version))
+            elif identifier == "ies":
+                self._add_ies(node, name, out)
             elif identifier == "texture_mapping":
                 table = texture_mapping_table(value)
                 if table is not None:
@@ -182,6 +191,14 @@ class GraphBuilder:
             elif identifier == "object" and value is not None:
                 out["object_matrix"] = matrix_rows(value.matrix_world.inverted_safe())
         return out
+
+    def _add_ies(self, node: Any, name: str, out: dict[str, Any]) -> None:
+        try:
+            text = ies_text(node)
+            if text is not None:
+                out["ies_table"] = parse_ies(text)
+        except BadFile as error:
+            self.context.warn(f"{self.owner}, node '{name}': the IES file is not used: {error}")
 
     def _collect_wanted(self, flat: FlatNode, data: dict[str, Any]) -> None:
         """Which mesh attributes the node reads."""
@@ -197,6 +214,9 @@ class GraphBuilder:
                 wanted.add(ACTIVE_UV)
             if "Generated" in linked:
                 wanted.add(GENERATED)
+        elif kind == "ShaderNodeNewGeometry":
+            linked = {link.from_socket.identifier for link in flat.scope.links.values() if link.from_node == flat.node}
+            wanted.update(name for socket, name in GEOMETRY_ATTRIBUTES.items() if socket in linked)
         elif kind == "ShaderNodeVertexColor":
             wanted.add(properties.get("layer_name") or ACTIVE_COLOR)
         elif kind == "ShaderNodeAttribute" and properties.get("attribute_name"):

@@ -68,6 +68,8 @@ struct KernelTable {
     const char* name = "";
     /// False: cancelled, the tile's sums are incomplete.
     bool (*render_unit)(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) = nullptr;
+    /// For shader::TraceFunction; `user` is the Accelerator.
+    void (*trace_for_nodes)(void* user, shader::TraceRequest& request) = nullptr;
 };
 
 /// Throws Error for a set that is not compiled in.

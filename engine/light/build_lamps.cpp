@@ -166,6 +166,8 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     sun.casts_shadow = light.cast_shadow;
     sun.max_bounces = light.max_bounces;
     sun.handle = handle;
+    sun.to_world = light.to_world;
+    sun.to_object = inverse(light.to_world);
     if (is_finite(sun.power) && max_component(vec3(std::abs(mean(sun.power)))) > 0) table.suns.push_back(sun);
 }
 
@@ -193,6 +195,8 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.casts_shadow = light.cast_shadow;
         lamp.max_bounces = light.max_bounces;
         lamp.handle = scene::Handle(i);
+        lamp.to_world = light.to_world;
+        lamp.to_object = inverse(light.to_world);
         reach.strength = own.program_shader >= 0 ? own.estimate : 1.0f;
         if (light.type == scene::LightType::Area) {
             Rect rect;

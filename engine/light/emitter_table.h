@@ -87,6 +87,7 @@ struct Lamp {
     int32_t casts_shadow = 1;
     int32_t max_bounces = 1024;
     int32_t handle = -1;
+    Affine to_world, to_object;  ///< for its program
 };
 
 /// Emissive triangles of one (mesh, materials), object space; instances share it.
@@ -134,6 +135,7 @@ struct Sun {
     int32_t casts_shadow = 1;
     int32_t max_bounces = 1024;
     int32_t handle = -1;
+    Affine to_world, to_object;  ///< for its program
 };
 
 /// Importance map of the world: latitude rows (0 = +Z) by longitude columns, piecewise constant in (u, v).

@@ -3,7 +3,9 @@
 #include "base/error.h"
 #include "film/film.h"
 #include "geometry/accelerator.h"
+#include "python/convert.h"
 #include "python/native_session.h"
+#include "scene/islands.h"
 
 namespace talbot::python {
 namespace {
@@ -57,6 +59,11 @@ PYBIND11_MODULE(_talbot, module) {
         for (const py::handle item : library_dirs) dirs.push_back(py::cast<std::string>(item));
         const py::gil_scoped_release released;
         return film::denoiser_version(dirs);
+    });
+    module.def("random_per_island", [](size_t vertices, const py::handle& edges) {
+        const python::ArrayBuffer buffer(edges, "edges", 'I');
+        const std::vector<float> values = scene::random_per_island(vertices, {static_cast<const uint32_t*>(buffer.data()), buffer.size()});
+        return py::bytes(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float));
     });
     python::bind_session(module);
 }

@@ -125,6 +125,10 @@ void update_render_data(Session::State& s) {
     data.tables.view.camera = &scene.camera;
     data.shading.scene = &data.tables.view;
     data.shading.textures = &data.textures.table();
+    {
+        std::lock_guard lock(s.mutex);
+        data.shading.trace = {integrator::kernels_for(s.statistics.instruction_set).trace_for_nodes, &data.accelerator};
+    }
     data.shading.film_width = float(scene.settings.width);
     data.shading.film_height = float(scene.settings.height);
     make_workers(s);

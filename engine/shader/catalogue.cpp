@@ -7,7 +7,8 @@ namespace talbot::shader {
 ValueNode find_value_node(const std::string& type) {
     static const std::unordered_map<std::string, ValueNode> nodes = [] {
         std::unordered_map<std::string, ValueNode> all;
-        for (const auto family : {input_nodes(), math_nodes(), color_nodes(), vector_nodes(), texture_nodes(), image_nodes(), sky_nodes()})
+        for (const auto family :
+             {input_nodes(), math_nodes(), color_nodes(), vector_nodes(), texture_nodes(), image_nodes(), sky_nodes(), neighbourhood_nodes()})
             for (const CatalogueEntry& entry : family) all.emplace(entry.type, entry.compile);
         return all;
     }();

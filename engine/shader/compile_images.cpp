@@ -93,8 +93,22 @@ void compile_environment(NodeContext& n) {
 }
 
 void compile_ies(NodeContext& n) {
-    n.warn("IES Texture is not supported yet: the lamp shines evenly");
-    n.set("Fac", n.value("Strength", 1));
+    Expressions& e = n.e;
+    const Value strength = n.value("Strength", 1);
+    const std::vector<float>* table = n.table("ies_table");
+    const size_t rows = table && table->size() > 2 ? size_t((*table)[0]) : 0, columns = rows ? size_t((*table)[1]) : 0;
+    bool usable = rows >= 2 && columns >= 2 && table->size() == 2 + rows + columns + rows * columns;
+    if (usable && n.semantics.ies_old && (*table)[2 + rows] > 0) {
+        n.warn("This Blender's Cycles wants vertical angles from 0: the IES file is not used");
+        usable = false;
+    }
+    // Without a file Cycles has 100 everywhere.
+    if (!usable) return n.set("Fac", e.mul(strength, 100.0f));
+    // Unlinked: where the light goes, seen from the lamp.
+    const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : n.to_object(n.incoming(), TransformKind::VectorToObject));
+    const Value down = e.ternary(TernaryKind::Clamp, e.negate(d.z), e.literal(-1), e.literal(1));
+    const Value around = e.add(e.binary(BinaryKind::ArcTangent2, d.x, d.y), float(M_PI));
+    n.set("Fac", e.mul(strength, e.emit(Op::Ies, n.semantics.ies_old ? 1 : 0, {around, e.unary(UnaryKind::ArcCosine, down), e.table(*table)})));
 }
 
 constexpr CatalogueEntry kEntries[] = {

@@ -75,12 +75,8 @@ void compile_geometry(NodeContext& n) {
     const Value u = n.barycentric_u(), v = n.barycentric_v();
     n.set_vector("Parametric", {e.sub(e.sub(e.literal(1), u), v), u, e.literal(0)});
     n.set("Backfacing", e.input(I::Backfacing));
-    if (n.output_linked("Pointiness")) n.warn("Pointiness is not supported yet: it is 0.5");
-    n.set("Pointiness", e.literal(0.5f));
-    if (n.output_linked("Random Per Island")) {
-        n.warn("Random Per Island is not supported yet: it is random for each object");
-        n.set("Random Per Island", e.emit(Op::ObjectValue, uint8_t(ObjectField::Random), std::span<const Value>{}));
-    }
+    if (n.output_linked("Pointiness")) n.set("Pointiness", n.attribute("@pointiness")[0]);
+    if (n.output_linked("Random Per Island")) n.set("Random Per Island", n.attribute("@island")[0]);
 }
 
 void compile_object_info(NodeContext& n) {
@@ -209,22 +205,6 @@ void compile_not_this_geometry(NodeContext& n) {
     n.set_color("Color", n.e.spread(zero));
 }
 
-void compile_ambient_occlusion(NodeContext& n) {
-    n.warn("Ambient Occlusion is not supported yet: nothing is occluded");
-    n.set_color("Color", n.color("Color", {1, 1, 1}));
-    n.set("AO", n.e.literal(1));
-}
-
-void compile_bevel(NodeContext& n) {
-    n.warn("Bevel is not supported yet: its normal passes");
-    n.set_vector("Normal", n.normal());
-}
-
-void compile_wireframe(NodeContext& n) {
-    n.warn("Wireframe is not supported yet: it is zero");
-    n.set("Fac", n.e.literal(0));
-}
-
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeValue", compile_value},
     {"ShaderNodeRGB", compile_rgb},
@@ -244,9 +224,6 @@ constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeHairInfo", compile_hair_info},
     {"ShaderNodePointInfo", compile_point_info},
     {"ShaderNodeVolumeInfo", compile_not_this_geometry},
-    {"ShaderNodeAmbientOcclusion", compile_ambient_occlusion},
-    {"ShaderNodeBevel", compile_bevel},
-    {"ShaderNodeWireframe", compile_wireframe},
 };
 
 }  // namespace

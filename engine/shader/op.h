@@ -20,7 +20,7 @@ enum class Op : uint16_t {
 
     // What the shading point is. Not foldable.
     Input,              ///< -> x. variant: InputColumn
-    ObjectTransform,    ///< vector -> vector by the lane's object (lamps and background: unchanged). variant: TransformKind
+    ObjectTransform,    ///< vector -> vector by the lane's object or lamp (background: unchanged). variant: TransformKind
     CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
     Window,             ///< world position -> x, y of the film in 0..1
@@ -52,12 +52,17 @@ enum class Op : uint16_t {
     Brick,        ///< x, y, z, scale, mortar size, mortar smooth, bias, width, height, offset, squash -> tint, mortar. data: frequencies (offset, squash)
     Checker,      ///< x, y, z (scaled) -> 0 or 1
     Gradient,     ///< x, y, z -> fac. variant: GradientKind
-    Grid,         ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
+    Ies,   ///< horizontal and vertical angle, offset bits -> intensity. variant: 1 wraps below the first horizontal angle. Table: counts, angles, values by
+           ///< horizontal angle
+    Grid,  ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
 
     // Surface
-    Fresnel,  ///< cosine, eta -> reflectance
-    Bump,     ///< normal, dP/dx, dP/dy, h, hx, hy, strength, distance, filter width -> normal
-    Random,   ///< -> u, v. data: dimension salt. Not foldable
+    Fresnel,    ///< cosine, eta -> reflectance
+    Bump,       ///< normal, dP/dx, dP/dy, h, hx, hy, strength, distance, filter width -> normal
+    Wireframe,  ///< size, p -> 1 near an edge of the triangle. variant: 1 size in pixels. Not foldable
+    Occlusion,  ///< normal, distance -> unoccluded share. variant: 1 inside | 2 own object only; data: samples, salt << 8. Not foldable
+    Bevel,      ///< radius -> normal. data: samples, salt << 8. Not foldable
+    Random,     ///< -> u, v. data: dimension salt. Not foldable
 
     // Closure parameters: kernels/ops_closure*.cpp
     Closure,  ///< variant: ClosureOp (ops_closure.h); operands by variant. Foldable
@@ -235,6 +240,9 @@ inline constexpr bool is_foldable(Op op) {
         case Op::ShiftBarycentrics:
         case Op::CurveTangent:
         case Op::Image:
+        case Op::Wireframe:
+        case Op::Occlusion:
+        case Op::Bevel:
         case Op::Random:
             return false;
         default:

@@ -32,6 +32,7 @@ struct ShadingSpan {
     float* u = nullptr;  ///< barycentrics: hit = (1-u-v) a + u b + v c, with a b c the triangle's vertices in order; of curves: along the segment, 0..1
     float* v = nullptr;  ///< of curves: across, -1..1 (the sine of the angle between normal and viewer, seen along the curve)
     float* ray_length = nullptr;    ///< since the last hit, transparent ones included
+    float* error = nullptr;         ///< how far p may be off the surface along n_g, m; null: unknown
     float* footprint = nullptr;     ///< radius of the ray's cone at the hit, m: dPdx and dPdy have this length
     int32_t* object = nullptr;      ///< -1: background or lamp
     int32_t* primitive = nullptr;   ///< triangle, curve segment or point
@@ -49,15 +50,18 @@ struct ShadingSpan {
     uint32_t* vertex = nullptr;
     bool uniform_constants = false;  ///< every lane has the same material
     bool is_background = false;
-    bool is_lamp = false;      ///< u, v are the lamp's own parametric coordinates
-    int32_t lamp_object = -1;  ///< uniform: the lamp, for its matrices (Texture Coordinate > Object, Normal)
+    bool is_lamp = false;                                              ///< u, v are the lamp's own parametric coordinates
+    const Affine *lamp_to_world = nullptr, *lamp_to_object = nullptr;  ///< the lamp's (Texture Coordinate > Object, Normal; IES)
 };
 
 /// Rays a node asks for (AO, bevel, raycast). Handed in by the integrator; the shader layer knows the type only.
 struct TraceRequest {
     int n = 0;
     ConstColumns3 origin, direction;
-    const float* t_max = nullptr;
+    ConstColumns3 n_g;                     ///< with `error`: origins are on a surface with this normal and are moved off it
+    const float* error = nullptr;          ///< as ShadingSpan::error; null: origins are taken as they are
+    const float* t_max = nullptr;          ///< 0: no ray
+    uint32_t visibility = ~0u;             ///< scene::Visibility bits of the objects to be met
     const int32_t* object_only = nullptr;  ///< >= 0: hits of this object only
     int32_t* hit_object = nullptr;         ///< out, -1: none
     int32_t* hit_primitive = nullptr;

@@ -12,6 +12,7 @@ struct Semantics {
     bool noise_roughness_clamped = false;  ///< roughness of fractal noise is limited to 1 (3.4)
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
     bool sky_full_dome = true;             ///< sky tables reach below the horizon, and the sun shines in front of the sky (from 5.0)
+    bool ies_old = false;                  ///< IES tables wrap below their first horizontal angle, and must begin at the pole (before 5.0)
     Rec709 rec709 = Rec709::Exact;
     float displacement_width = 0.1f;  ///< filter width of the bump that stands for displacement
 };
@@ -23,6 +24,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.voronoi_integer_hash = version >= 500;
     s.noise_roughness_clamped = version < 402;
     s.sky_full_dome = version >= 500;
+    s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;

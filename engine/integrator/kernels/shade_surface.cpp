@@ -15,7 +15,6 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
     span.n = n;
     span.is_background = false;
     span.is_lamp = false;
-    span.lamp_object = -1;
     std::memcpy(s.lane, lanes, size_t(n) * 4);
     gather3(paths.throughput, lanes, n, s.throughput);
     gather(paths.flags, lanes, n, s.path_flags);
@@ -185,6 +184,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
     gather_span(context, worker, lanes, n);
     const shader::CompiledShader& compiled = context.programs->shaders[size_t(s.itmp[0])];
     geometry::shade_points(*context.scene, worker.paths.hit, worker.paths.origin, lanes, n, s.span, s.error);
+    s.span.error = s.error;
 
     int alive = 0;
     if (compiled.surface >= 0) {

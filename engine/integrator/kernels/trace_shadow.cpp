@@ -40,6 +40,7 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
         store(s.wi, i, load(queue.direction, k));
     }
     geometry::shade_points(*context.scene, queue.hit, queue.origin, list, n, span, s.error);
+    span.error = s.error;
     ConstColumns3 through;
     if (!compiled.transparency_is_constant) {
         const shader::Program& program = *context.programs->programs[size_t(compiled.transparency)];

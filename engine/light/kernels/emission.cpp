@@ -104,7 +104,8 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
         prepare_span(scratch, count);
         shader::ShadingSpan& s = scratch.span;
         s.is_lamp = true;
-        s.lamp_object = is_sun ? table.suns[lamp[first]].handle : table.lamps[lamp[first]].handle;
+        s.lamp_to_world = is_sun ? &table.suns[lamp[first]].to_world : &table.lamps[lamp[first]].to_world;
+        s.lamp_to_object = is_sun ? &table.suns[lamp[first]].to_object : &table.lamps[lamp[first]].to_object;
         gather3(points.p, list, count, s.p);
         gather3(points.normal, list, count, s.n_s);
         gather3(points.normal, list, count, s.n_g);
@@ -149,6 +150,7 @@ void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderC
         if (depth) gather(depth, list, count, s.depth);
         const geometry::HitColumns hits{hit_t, hit_u, hit_v, hit_object, hit_primitive};
         geometry::shade_points(*context.scene, hits, {}, identity, count, s, error);
+        s.error = error;
         float r[3][kSpan];
         const Columns3 emission{r[0], r[1], r[2]};
         evaluate_emission(programs, context, scratch, shader[first], emission);

@@ -120,6 +120,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Gradient:
                 op_gradient(i, r, n);
                 break;
+            case Op::Ies:
+                op_ies(i, r, n, scope);
+                break;
             case Op::Grid:
                 op_grid(i, r, n, scope);
                 break;
@@ -128,6 +131,15 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 break;
             case Op::Bump:
                 op_bump(r, n);
+                break;
+            case Op::Wireframe:
+                op_wireframe(i, r, n, scope);
+                break;
+            case Op::Occlusion:
+                op_occlusion(i, r, n, scope);
+                break;
+            case Op::Bevel:
+                op_bevel(i, r, n, scope);
                 break;
             case Op::Random:
                 op_random(i, r, n, scope);

@@ -56,10 +56,14 @@ void op_magic(const Instruction& i, Registers r, int n);
 void op_brick(const Instruction& i, Registers r, int n);
 void op_checker(Registers r, int n);
 void op_gradient(const Instruction& i, Registers r, int n);
+void op_ies(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_grid(const Instruction& i, Registers r, int n, const OpScope& scope);
 
 void op_fresnel(Registers r, int n);
 void op_bump(Registers r, int n);
+void op_wireframe(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_occlusion(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_bevel(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_random(const Instruction& i, Registers r, int n, const OpScope& scope);
 
 /// Closure parameters, by Instruction::variant; see ops_closure.cpp.

@@ -212,6 +212,8 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
         if (object >= 0) {
             const scene::ObjectView& view = s.context.scene->objects[object];
             v = transform(view.to_world, view.to_object, kind, v);
+        } else if (s.span.is_lamp && s.span.lamp_to_world) {
+            v = transform(*s.span.lamp_to_world, *s.span.lamp_to_object, kind, v);
         }
         r[0][k] = v.x;
         r[1][k] = v.y;
