@@ -5,7 +5,7 @@ This module registers and unregisters, nothing else.
 
 import atexit
 
-from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, versions
+from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, ui_motion, versions
 
 bl_info = {
     "name": "Talbot",
@@ -17,7 +17,7 @@ bl_info = {
     "category": "Render",
 }
 
-_MODULES = (properties, engine, ui, ui_data, ui_layer, compat_ui)
+_MODULES = (properties, engine, ui, ui_data, ui_layer, ui_motion, compat_ui)
 
 
 def register() -> None:

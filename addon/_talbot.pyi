@@ -119,6 +119,15 @@ class Session:
         """Replaces all objects."""
     def set_object_matrices(self, matrix: f32) -> None:
         """(n, 16): moves the objects of the last set_objects; nothing else changes."""
+    def set_motion(self, values: dict[str, Any]) -> None:
+        """What moves while the shutter is open; replaces what was said before ({}: nothing moves). After set_objects and set_camera.
+        Moments are spread evenly over the shutter, 2 to 129 of them. `objects`: list of f32 (moments, 16), column-major;
+        `object_motion`: i32 (n,) index into it for each object, -1: stands still; `camera`: f32 (moments, 16);
+        `camera_views`: f32 (moments, 4); `shutter`: f32 moments of 0 to 1 at which equal parts of the light have come in;
+        `rolling_duration`: float, only with a rolling shutter."""
+    def set_mesh_motion(self, handle: int, values: dict[str, f32]) -> None:
+        """`positions` (moments * V, 3), and `normals` in the same way of the corner normals, where the mesh has none of the
+        vertex normals. Until the mesh is set again."""
     def set_lights(self, lights: list[dict[str, Any]]) -> None:
         """Replaces all lamps."""
     def add_shader(self, name: str, graph: dict[str, Any], values: dict[str, Any]) -> int:

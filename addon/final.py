@@ -147,9 +147,19 @@ class LayerRender:
         context.interrupted = engine.test_break
         try:
             if kept:
-                outcome = synced.sync.next_frame(self.depsgraph, scene, layer, width=width, height=height)
+                outcome = synced.sync.next_frame(
+                    self.depsgraph, scene, layer, width=width, height=height, set_frame=self._set_frame
+                )
             else:
-                outcome = synced.sync.full(self.depsgraph, scene, layer, width=width, height=height, viewport=False)
+                outcome = synced.sync.full(
+                    self.depsgraph,
+                    scene,
+                    layer,
+                    width=width,
+                    height=height,
+                    viewport=False,
+                    set_frame=self._set_frame,
+                )
         except Interrupted:
             self.state.close()
             raise
@@ -163,6 +173,9 @@ class LayerRender:
         reports.publish(engine, self.reports, lines)
         self.state.kept = synced if persistent else None
         return synced, outcome.timings
+
+    def _set_frame(self, frame: int, subframe: float) -> None:
+        self.engine.frame_set(frame, subframe=subframe)
 
     def _render_view(self, session: Any, view: str, number: int) -> bool:
         """Renders one view to its end. False when the user cancelled; what there is has been written."""

@@ -64,6 +64,8 @@ class TALBOT_VIEWLAYER_PT_filter(_LayerPanel, bpy.types.Panel):
         sub = column.column(heading="Include")
         sub.prop(layer, "use_sky", text="Environment")
         sub.prop(layer, "use_solid", text="Surfaces")
+        sub.prop(layer, "use_strand", text="Hair")
+        sub.prop(layer, "use_motion_blur", text="Motion Blur")
         if not hasattr(bpy.types, "VIEWLAYER_PT_override"):
             column.prop(layer, "material_override")
             column.prop(layer, "samples")

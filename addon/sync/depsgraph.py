@@ -4,6 +4,7 @@ Shaders come first: they decide which attributes of meshes are worth reading. Th
 name both by handle.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,29 +13,19 @@ import numpy as np
 
 from .. import settings as talbot_settings
 from .camera import camera_values, viewport_border, viewport_values
-from .context import ACTIVE_UV, SyncContext, id_key
+from .changes import Changes, Key, read_changes
+from .context import ACTIVE_UV, SyncContext
 from .images import ImageSync
 from .materials import ShaderSync
 from .mesh import read_mesh
+from .motion import MotionPass, Shutter, shutter_of
 from .objects import Gathered, ObjectPass, Record, object_arrays
 from .strands import read_curves, read_hair, read_points
 from .unsupported import warn_scene
 from .world import world_values
 
-Key = tuple[str, str]
 CROP = ("crop_x", "crop_y", "crop_width", "crop_height")
-GEOMETRY_KINDS = (
-    "Object",
-    "Mesh",
-    "Curve",
-    "MetaBall",
-    "TextCurve",
-    "SurfaceCurve",
-    "Curves",
-    "PointCloud",
-    "ParticleSettings",
-    "Collection",
-)
+SetFrame = Callable[[int, float], None]
 
 
 @dataclass
@@ -53,24 +44,6 @@ class MeshEntry:
     owners: set[Key]
 
 
-@dataclass
-class Changes:
-    """What a depsgraph's updates say."""
-
-    geometry: set[Key] = field(default_factory=set)
-    shading: set[Key] = field(default_factory=set)
-    images: set[Key] = field(default_factory=set)
-    all_shaders: bool = False
-    objects: bool = False
-    lights: bool = False
-    scene: bool = False
-
-    def only_shading(self) -> bool:
-        """Whether materials and worlds are all that changed."""
-        others = self.geometry or self.images or self.all_shaders or self.objects or self.lights or self.scene
-        return bool(self.shading) and not others
-
-
 class SceneSync:
     """Keeps one native session equal to a depsgraph."""
 
@@ -85,7 +58,8 @@ class SceneSync:
         self._world: dict[str, Any] = {}
         self._lights: list[dict[str, Any]] = []
         self._objects: dict[str, Any] = {}
-        self._viewport_warnings = 0
+        self._gathered: tuple[Gathered, list[int]] = (Gathered(), [])
+        self._moves = False
 
     # -- whole scenes
 
@@ -99,8 +73,10 @@ class SceneSync:
         height: int,
         viewport: bool,
         preview: bool = False,
+        set_frame: SetFrame | None = None,
     ) -> SyncResult:
-        """Sends everything; what the session held before is removed."""
+        """Sends everything; what the session held before is removed. `set_frame` takes the depsgraph to another frame,
+        for motion blur."""
         context = self.context
         context.viewport = viewport
         context.warnings.clear()
@@ -108,32 +84,88 @@ class SceneSync:
         self._forget()
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height, preview)
-        warn_scene(context, scene, view_layer)
+        warn_scene(context, scene)
         self.shaders.begin(None)
-        self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, scene=True))
-        if not viewport and scene.camera is not None:
-            camera = scene.camera.evaluated_get(depsgraph)
-            self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
+        if viewport:
+            self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, scene=True))
+        else:
+            self._sync_frame(
+                depsgraph, scene, view_layer, Changes(objects=True, scene=True), (width, height), set_frame
+            )
         return SyncResult(list(context.warnings), dict(context.timings))
 
-    def next_frame(self, depsgraph: Any, scene: Any, view_layer: Any, *, width: int, height: int) -> SyncResult:
+    def next_frame(
+        self,
+        depsgraph: Any,
+        scene: Any,
+        view_layer: Any,
+        *,
+        width: int,
+        height: int,
+        set_frame: SetFrame | None = None,
+    ) -> SyncResult:
         """Another final frame of the same depsgraph (persistent data): of what the session holds, meshes whose geometry
         did not change stay; shaders, objects, lamps, world and camera are read again and sent where they differ."""
         context = self.context
         context.warnings.clear()
         context.timings.clear()
         changes = read_changes(depsgraph)
-        warn_scene(context, scene, view_layer)
+        warn_scene(context, scene)
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height)
         self.images.begin(changes.images)
         self.images.refresh()
         self.shaders.begin(None)
-        self._sync_scene(depsgraph, scene, view_layer, changes)
+        self._sync_frame(depsgraph, scene, view_layer, changes, (width, height), set_frame)
+        return SyncResult(list(context.warnings), dict(context.timings))
+
+    def _sync_frame(
+        self,
+        depsgraph: Any,
+        scene: Any,
+        view_layer: Any,
+        changes: Changes,
+        size: tuple[int, int],
+        set_frame: SetFrame | None,
+    ) -> None:
+        """Scene and camera of a final frame, with what moves while the shutter is open."""
+        shutter = shutter_of(scene, view_layer) if set_frame is not None else None
+        if shutter is None or set_frame is None:
+            if self._moves:
+                self.session.set_motion({})
+                self._moves = False
+            self._sync_scene(depsgraph, scene, view_layer, changes)
+            self._send_frame_camera(depsgraph, scene, size)
+            return
+        frame = (scene.frame_current, scene.frame_subframe)
+        # Meshes keep the motion they were sent: all are new.
+        changes.all_meshes = True
+        try:
+            self._sync_moving(depsgraph, changes, size, shutter, set_frame)
+        finally:
+            set_frame(*frame)
+
+    def _sync_moving(
+        self, depsgraph: Any, changes: Changes, size: tuple[int, int], shutter: Shutter, set_frame: SetFrame
+    ) -> None:
+        set_frame(*shutter.frame(0.5))
+        scene = depsgraph.scene_eval
+        self._sync_scene(depsgraph, scene, depsgraph.view_layer_eval, changes)
+        self._send_frame_camera(depsgraph, scene, size)
+        with self.context.timed("motion"):
+            motion = MotionPass(self.context, shutter)
+            motion.begin(depsgraph, *self._gathered, scene, size)
+            for moment in motion.moments():
+                self.context.check()
+                set_frame(*shutter.frame(moment))
+                motion.sample(depsgraph, depsgraph.scene_eval, moment, size)
+            motion.send(depsgraph.scene_eval)
+        self._moves = True
+
+    def _send_frame_camera(self, depsgraph: Any, scene: Any, size: tuple[int, int]) -> None:
         if scene.camera is not None:
             camera = scene.camera.evaluated_get(depsgraph)
-            self._send_camera(camera_values(context, camera, scene.render, width, height, camera.matrix_world))
-        return SyncResult(list(context.warnings), dict(context.timings))
+            self._send_camera(camera_values(self.context, camera, scene.render, *size, camera.matrix_world))
 
     def _forget(self) -> None:
         if self._objects:
@@ -178,7 +210,7 @@ class SceneSync:
         if view_layer.use_pass_uv:
             wanted.add(ACTIVE_UV)
         with context.timed("meshes"):
-            stale_all = not wanted <= context.wanted
+            stale_all = changes.all_meshes or not wanted <= context.wanted
             context.wanted |= wanted
             handles, meshes_changed, removed = self._send_meshes(gathered.records, changes.geometry, stale_all, scene)
             changed |= meshes_changed
@@ -187,6 +219,7 @@ class SceneSync:
             for handle in removed:
                 self.session.remove_mesh(handle)
         self.shaders.sweep()
+        self._gathered = (gathered, handles)
         return changed or self.shaders.sent
 
     def _send_meshes(
@@ -333,26 +366,3 @@ def _equal(left: Any, right: Any) -> bool:
     if isinstance(left, np.ndarray):
         return left.shape == right.shape and bool(np.array_equal(left, right))
     return left == right
-
-
-def read_changes(depsgraph: Any) -> Changes:
-    """What the depsgraph's updates ask to be read again."""
-    changes = Changes()
-    for update in depsgraph.updates:
-        kind, name = id_key(update.id)
-        if kind in GEOMETRY_KINDS:
-            changes.objects = True
-            # Settings of particles are nothing but geometry, and Blender does not say so.
-            if update.is_updated_geometry or kind == "ParticleSettings":
-                changes.geometry.add((kind, name))
-        elif kind == "Image":
-            changes.images.add((kind, name))
-        elif kind == "ShaderNodeTree":
-            # The tree of a material comes with the material; a group may be anywhere.
-            changes.all_shaders |= not update.id.is_embedded_data
-        elif kind in ("Material", "World", "Light"):
-            changes.shading.add((kind, name))
-            changes.lights |= kind == "Light"
-        elif kind == "Scene":
-            changes.scene = True
-    return changes

@@ -55,8 +55,8 @@ def read_mesh(context: SyncContext, mesh: Any) -> dict[str, Any] | None:
         return None
     mesh.calc_loop_triangles()
     arrays = _topology(mesh)
-    arrays["face_smooth"] = _smooth(mesh)
-    _normals(mesh, arrays)
+    arrays["face_smooth"] = face_smooth(mesh)
+    read_normals(mesh, arrays)
     attributes = _attributes(context, mesh, arrays)
     if attributes:
         arrays["attributes"] = attributes
@@ -102,7 +102,8 @@ def _topology(mesh: Any) -> dict[str, Any]:
     return arrays
 
 
-def _smooth(mesh: Any) -> NDArray[np.uint8]:
+def face_smooth(mesh: Any) -> NDArray[np.uint8]:
+    """1 where a face is smooth."""
     faces = len(mesh.polygons)
     if not hasattr(mesh, "corner_normals"):
         return read_column(mesh.polygons, "use_smooth", faces, np.bool_).view(np.uint8)
@@ -112,7 +113,7 @@ def _smooth(mesh: Any) -> NDArray[np.uint8]:
     return np.logical_not(read_column(sharp.data, "value", faces, np.bool_)).view(np.uint8)
 
 
-def _normals(mesh: Any, arrays: dict[str, Any]) -> None:
+def read_normals(mesh: Any, arrays: dict[str, Any]) -> None:
     """Vertex normals where faces are smooth; corner normals only where sharp edges or custom normals
     make them differ."""
     if hasattr(mesh, "corner_normals"):

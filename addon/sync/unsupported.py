@@ -30,10 +30,8 @@ def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
         context.warn(f"{where}: culling is not supported yet; it is rendered wherever it is")
 
 
-def warn_scene(context: SyncContext, scene: Any, view_layer: Any) -> None:
+def warn_scene(context: SyncContext, scene: Any) -> None:
     """Settings of the scene whose effect is missing."""
     cycles = versions.cycles_settings(scene)
-    if not context.viewport and scene.render.use_motion_blur and view_layer.use_motion_blur:
-        context.warn(f"Scene '{scene.name}': motion blur is not supported yet")
     if cycles.get("use_fast_gi", False):
         context.warn(f"Scene '{scene.name}': fast global illumination is ignored; the full one is rendered")

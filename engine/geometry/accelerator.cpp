@@ -132,6 +132,7 @@ struct Placed {
     GeometryPtr geometry;
     std::shared_ptr<const scene::Mesh> mesh;
     Affine to_world;
+    std::vector<Affine> motion;
     uint32_t visibility = 0;
     uint64_t generation = 0;  ///< of the instanced hierarchy
 };
@@ -239,7 +240,8 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
         entry.uses = 0;
         entry.instanced = false;
         if (entry.mesh) continue;
-        if (meshes_of[i]->kind == scene::GeometryKind::Triangles) {
+        // What coincides now may part a moment later.
+        if (meshes_of[i]->kind == scene::GeometryKind::Triangles && meshes_of[i]->motion_steps == 1) {
             entry.repeated = repeated_triangles(*meshes_of[i], [&] {
                 if (!builder.progress.report(0)) throw Cancelled{};
             });
@@ -261,7 +263,8 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     for (size_t i = 0; i < objects; ++i) {
         if (how[i] == Placement::Absent) continue;
         MeshEntry& entry = meshes[meshes_of[i]];
-        if (flatten && entry.uses == 1 && entry.mesh->kind == scene::GeometryKind::Triangles) how[i] = Placement::Flattened;
+        const bool stays = entry.mesh->kind == scene::GeometryKind::Triangles && tables.view.objects[i].motion_steps == 0;
+        if (flatten && entry.uses == 1 && stays) how[i] = Placement::Flattened;
         if (how[i] == Placement::Instanced) entry.instanced = true;
         top_triangles += how[i] == Placement::Flattened ? double(entry.mesh->primitive_count()) : 1;
     }
@@ -309,7 +312,9 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
         }
         const MeshEntry& entry = meshes.at(mesh_of(i).get());
         const bool instanced = how[i] == Placement::Instanced;
-        const bool moved = !same(was.to_world, object.to_world);
+        const size_t steps = instanced ? size_t(object.motion_steps) : 0;
+        const bool moved = !same(was.to_world, object.to_world) || was.motion.size() != steps ||
+                           (steps > 0 && std::memcmp(was.motion.data(), object.motion, steps * sizeof(Affine)) != 0);
         const bool keeps = was.how == how[i] && was.mesh == entry.mesh && (instanced ? was.generation == entry.generation : !moved);
         if (keeps && !moved && was.visibility == masks[i]) continue;
         changed = true;
@@ -319,18 +324,23 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
             if (instanced) {
                 was.geometry.reset(rtcNewGeometry(builder.device, RTC_GEOMETRY_TYPE_INSTANCE));
                 rtcSetGeometryInstancedScene(was.geometry.get(), entry.scene.get());
-                rtcSetGeometryTimeStepCount(was.geometry.get(), 1);
             } else {
                 was.geometry = builder.make(entry, &object.to_world);
             }
             rtcAttachGeometryByID(top.get(), was.geometry.get(), unsigned(i));
         }
-        if (instanced) rtcSetGeometryTransform(was.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, object.to_world.m);
+        if (instanced) {
+            rtcSetGeometryTimeStepCount(was.geometry.get(), unsigned(std::max<size_t>(steps, 1)));
+            rtcSetGeometryTransform(was.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, object.to_world.m);
+            for (size_t step = 0; step < steps; ++step)
+                rtcSetGeometryTransform(was.geometry.get(), unsigned(step), RTC_FORMAT_FLOAT3X4_ROW_MAJOR, object.motion[step].m);
+        }
         rtcSetGeometryMask(was.geometry.get(), masks[i]);
         rtcCommitGeometry(was.geometry.get());
         was.how = how[i];
         was.mesh = entry.mesh;
         was.to_world = object.to_world;
+        was.motion.assign(object.motion, object.motion + steps);
         was.visibility = masks[i];
         was.generation = entry.generation;
     }

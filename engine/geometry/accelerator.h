@@ -26,8 +26,9 @@ namespace talbot::geometry {
 
 /// n rays in columns, addressed through `index` (lane numbers) when it is not null.
 struct RayColumns {
-    Columns3 origin, direction;  ///< direction is unit
-    float* t_max = nullptr;      ///< in: far end; the near end is 0 (origins are offset already)
+    Columns3 origin, direction;   ///< direction is unit
+    float* t_max = nullptr;       ///< in: far end; the near end is 0 (origins are offset already)
+    const float* time = nullptr;  ///< in the shutter, 0 to 1; null: its middle
 };
 struct HitColumns {
     float* t = nullptr;  ///< untouched lanes without a hit get object = -1

@@ -125,6 +125,7 @@ std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, st
         for (const auto& row : object.to_world.m)
             for (float x : row) h = mix(h, std::bit_cast<uint32_t>(x));
         masks[i] = object.visibility;
+        if (object.motion_steps > 0) continue;
         const auto [begin, end] = seen.equal_range(h);
         for (auto at = begin; at != end; ++at) {
             const size_t k = at->second;

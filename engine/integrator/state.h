@@ -34,6 +34,7 @@ struct PathColumns {
     float* mis_t = nullptr;        ///< length since the last scattering: transparent surfaces do not reset it
     float* cone_width = nullptr;   ///< radius of the ray's cone at its origin, m
     float* cone_spread = nullptr;  ///< growth of that radius a metre
+    float* time = nullptr;         ///< in the shutter, 0 to 1; meaningless where nothing moves
     int32_t* pixel = nullptr;      ///< in the tile
     uint32_t* key = nullptr;       ///< sampler key of the pixel
     uint32_t* sample = nullptr;
@@ -43,7 +44,7 @@ struct PathColumns {
     geometry::HitColumns hit;
     Columns3 diffuse_share, glossy_share;  ///< of the first scattering, for the light passes
 };
-inline constexpr size_t kPathBytes = (3 + 3 + 1 + 3 + 5 + 3 + 3 + 5 + 6) * 4;
+inline constexpr size_t kPathBytes = (3 + 3 + 1 + 3 + 6 + 3 + 3 + 5 + 6) * 4;
 static_assert(kPathBytes <= 256, "a path's state must stay small: batches live in L2");
 
 TALBOT_INLINE int total_bounces(int32_t b) {
@@ -65,6 +66,7 @@ struct ShadowQueue {
     int n = 0;
     Columns3 origin, direction;
     float* t_max = nullptr;
+    float* time = nullptr;
     Columns3 rgb;  ///< what arrives when nothing is in the way
     Columns3 diffuse_share, glossy_share;
     int32_t* pixel = nullptr;
@@ -85,6 +87,7 @@ struct SpanScratch {
     float* error = nullptr;                 ///< position error of each shading point, m
     float* terminator_frequency = nullptr;  ///< of the object (see scene::ObjectView)
     bool shifts_terminator = false;         ///< some of them are not 1
+    float* time = nullptr;                  ///< the span's, where something moves
     int32_t* lane = nullptr;                ///< path lane of each span lane
     int32_t* path_flags = nullptr;
     int32_t* bounces = nullptr;

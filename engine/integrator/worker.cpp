@@ -41,7 +41,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     p.throughput = take3(arena_, kBatch);
     p.diffuse_share = take3(arena_, kBatch);
     p.glossy_share = take3(arena_, kBatch);
-    for (float** c : {&p.t_max, &p.bsdf_pdf, &p.min_pdf, &p.mis_t, &p.cone_width, &p.cone_spread, &p.hit.t, &p.hit.u, &p.hit.v})
+    for (float** c : {&p.t_max, &p.bsdf_pdf, &p.min_pdf, &p.mis_t, &p.cone_width, &p.cone_spread, &p.time, &p.hit.t, &p.hit.u, &p.hit.v})
         *c = arena_.take<float>(kBatch);
     for (int32_t** c : {&p.pixel, &p.flags, &p.bounces, &p.vertex, &p.hit.object, &p.hit.primitive, &active, &fresh, &missed, &hits, &sorted, &free_lanes,
                         &shader, &visibility})
@@ -50,7 +50,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
 
     ShadowQueue& q = shadow;
     for (Columns3* c : {&q.origin, &q.direction, &q.rgb, &q.diffuse_share, &q.glossy_share}) *c = take3(arena_, kShadowCapacity);
-    for (float** c : {&q.t_max, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
+    for (float** c : {&q.t_max, &q.time, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
     for (int32_t** c : {&q.pixel, &q.indirect, &q.lane, &q.bounces, &q.visibility, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
         *c = arena_.take<int32_t>(kShadowCapacity);
     q.blocked = arena_.take<uint8_t>(kShadowCapacity);
@@ -61,7 +61,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     for (Columns3* c :
          {&s.throughput, &s.light.wi, &s.light.radiance, &s.wi, &s.f, &s.slot_f, &s.f_diffuse, &s.f_glossy, &s.rgb, &s.share_a, &s.share_b, &s.tmp3})
         *c = take3(arena_, kSpan);
-    for (float** c : {&s.error, &s.terminator_frequency, &s.weight_sum, &s.light.distance, &s.light.pdf, &s.u0, &s.v0, &s.u1, &s.v1, &s.roulette_u,
+    for (float** c : {&s.error, &s.time, &s.terminator_frequency, &s.weight_sum, &s.light.distance, &s.light.pdf, &s.u0, &s.v0, &s.u1, &s.v1, &s.roulette_u,
                       &s.roulette_v, &s.pdf, &s.slot_pdf, &s.sampled_roughness, &s.sampled_eta, &s.tmp, &s.tmp2})
         *c = arena_.take<float>(kSpan);
     for (int32_t** c : {&s.lane, &s.path_flags, &s.bounces, &s.sampled_flags, &s.chosen, &s.list, &s.list2, &s.itmp, &s.light.visibility})

@@ -196,6 +196,8 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         if (cancel && cancel->load()) throw Cancelled{};
         const scene::ObjectView& object = view.objects[i];
         if (object.mesh < 0 || object.visibility == 0) continue;
+        // What moves is found by the rays themselves: samples would have to follow it.
+        if (object.motion_steps > 0 || view.meshes[object.mesh].motion_positions) continue;
         const int32_t* slots = view.material_slots + object.material_offset;
         const bool emits = std::any_of(slots, slots + object.material_count, [&](int32_t s) { return emissive[size_t(s)].estimate > 0; });
         if (!emits) continue;

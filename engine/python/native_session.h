@@ -33,6 +33,8 @@ void set_mesh(NativeSession& native, scene::Handle handle, const std::string& na
 void remove_mesh(NativeSession& native, scene::Handle handle);
 void set_objects(NativeSession& native, const py::dict& arrays);
 void set_object_matrices(NativeSession& native, const py::object& matrix);
+void set_motion(NativeSession& native, const py::dict& values);
+void set_mesh_motion(NativeSession& native, scene::Handle handle, const py::dict& values);
 
 /// Throws ValueError when the handle is not in use.
 void check_handle(const HandlePool& pool, scene::Handle handle, size_t size, const char* kind);

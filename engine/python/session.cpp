@@ -250,6 +250,8 @@ void bind_session(py::module_& module) {
         .def("remove_mesh", &remove_mesh)
         .def("set_objects", &set_objects)
         .def("set_object_matrices", &set_object_matrices)
+        .def("set_motion", &set_motion)
+        .def("set_mesh_motion", &set_mesh_motion)
         .def("add_shader", &add_shader)
         .def("set_shader", &set_shader)
         .def("remove_shader", &remove_shader)

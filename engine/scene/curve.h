@@ -2,29 +2,10 @@
 /// curves are traced as cones. Object space; s in 0..1 runs from key to key.
 #pragma once
 
-#include "scene/view.h"
+#include "scene/motion.h"
 
 namespace talbot::scene {
 inline namespace TALBOT_ISA {
-
-/// Where a moment lies among the steps of a motion: step and step + 1, and the part of the second.
-struct MotionStep {
-    int step = 0;
-    float part = 0;
-};
-TALBOT_INLINE MotionStep motion_step(int steps, float time) {
-    const float x = clampf(time, 0.0f, 1.0f) * float(steps - 1);
-    const int step = int(x) < steps - 2 ? int(x) : steps - 2;
-    return {step, x - float(step)};
-}
-
-/// Position i of the mesh at a moment of the shutter, 0..1.
-TALBOT_INLINE Vec3 position_at(const MeshView& mesh, size_t i, float time) {
-    if (!mesh.motion_positions) return mesh.positions[i];
-    const MotionStep m = motion_step(mesh.motion_steps, time);
-    const Vec3* at = mesh.motion_positions + size_t(m.step) * mesh.position_count + i;
-    return lerp(at[0], at[mesh.position_count], m.part);
-}
 
 struct CurveSegment {
     Vec3 p[4];

@@ -83,7 +83,8 @@ struct Object {
     Handle mesh = kNone;
     Handle material_set = kNone;   ///< into Scene::material_sets; missing materials are the default grey
     Handle attribute_set = kNone;  ///< into Scene::object_attribute_sets (custom properties)
-    Affine to_world;
+    Handle motion = kNone;         ///< into Motion::objects; kNone: it stands still
+    Affine to_world;               ///< in the middle of the shutter
     uint32_t visibility = kVisibleAll;
     uint32_t random = 0;  ///< Blender's random_id; Object Info gives random / (2^32 - 1)
     int32_t pass_index = 0;
@@ -181,6 +182,17 @@ struct Camera {
     float cylinder[5] = {-kPi, kPi, -1, 1, 1};  ///< u min, u max, v min, v max, radius
 };
 
+/// What moves while the shutter is open. Maps are those of moments spread evenly over the shutter, at least two and at most 129; between two of them every
+/// number changes linearly (so that a turn takes a map every few degrees). All empty: nothing moves.
+struct Motion {
+    std::vector<std::vector<Affine>> objects;
+    std::vector<Affine> camera;       ///< its to_world; empty: it stands still
+    std::vector<float> camera_views;  ///< its `view`, 4 a moment, as many moments as `camera`; empty: it stays
+    std::vector<float> shutter;       ///< moments (0 to 1) at which equal parts of the light have come in, first 0, last 1; empty: evenly
+    bool rolling = false;             ///< rows of the picture are exposed one after the other, from the top
+    float rolling_duration = 0.1f;    ///< how long a row is, as a part of the shutter
+};
+
 enum class AlphaMode : uint8_t { Straight, Premultiplied, ChannelPacked, None };
 
 /// An image file, a packed file's bytes, or pixels. Loaded once by `asset`, whoever uses it.
@@ -274,6 +286,7 @@ enum Dirty : uint32_t {
 struct Scene {
     Settings settings;
     Camera camera;
+    Motion motion;
     World world;
     std::vector<std::shared_ptr<const Mesh>> meshes;  ///< null: removed
     std::vector<Object> objects;                      ///< mesh == kNone: removed

@@ -53,6 +53,8 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     const auto row = [&](size_t i) { return names == 0 ? nullptr : tables.attributes.data() + i * names; };
     tables.meshes.assign(meshes, {});
     tables.view.has_strands = false;
+    tables.view.has_motion = !scene.motion.camera.empty();
+    tables.view.motion = &scene.motion;
     for (size_t i = 0; i < meshes; ++i) {
         if (!scene.meshes[i]) continue;
         const Mesh& mesh = *scene.meshes[i];
@@ -84,6 +86,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.segment_keys = data_or_null(mesh.segment_keys);
         out.segment_curves = data_or_null(mesh.segment_curves);
         tables.view.has_strands |= mesh.kind != GeometryKind::Triangles;
+        tables.view.has_motion |= mesh.motion_steps > 1;
     }
     for (size_t i = 0; i < sets; ++i) view_attributes(scene.object_attribute_sets[i], tables.attribute_names, nullptr, row(meshes + i));
 
@@ -108,6 +111,11 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         const bool has_set = object.material_set >= 0 && size_t(object.material_set) < ranges.size();
         out.material_offset = has_set ? ranges[size_t(object.material_set)].first : 0;
         out.material_count = has_set ? ranges[size_t(object.material_set)].second : 1;
+        if (exists && object.motion >= 0 && size_t(object.motion) < scene.motion.objects.size()) {
+            out.motion = scene.motion.objects[size_t(object.motion)].data();
+            out.motion_steps = int32_t(scene.motion.objects[size_t(object.motion)].size());
+            tables.view.has_motion = true;
+        }
         std::copy(object.color, object.color + 4, out.color);
         out.pass_index = object.pass_index;
         out.random = object.random;

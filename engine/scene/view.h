@@ -79,6 +79,8 @@ struct ObjectView {
     bool is_holdout = false, is_shadow_catcher = false, is_instance = false;
     float terminator_frequency = 1;  ///< 1 / (1 - half the shading offset)
     float geometry_offset = 0.1f;
+    int32_t motion_steps = 0;                   ///< 0: it stands still
+    const Affine* motion = nullptr;             ///< to_world of each step
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
 };
 
@@ -89,6 +91,8 @@ struct SceneView {
     const int32_t* material_slots = nullptr;  ///< shader handle; a missing material is the default shader (see SceneTables::default_shader)
     int32_t attribute_count = 0;
     bool has_strands = false;  ///< some mesh is made of curves or points
+    bool has_motion = false;   ///< paths have a time
+    const Motion* motion = nullptr;
     const Settings* settings = nullptr;
     const Camera* camera = nullptr;
 };

@@ -94,12 +94,23 @@ void check_graph(const ShaderGraph& graph) {
             demand(input.from_node >= -1 && input.from_node < nodes, "a link from a node that does not exist", graph.name + " > node '" + node.name + "'");
 }
 
+void check_motion(const Motion& motion) {
+    const std::string where = "the motion";
+    const auto steps = [&](size_t n) { demand(n >= 2 && n <= 129, "an impossible number of steps", where); };
+    for (const auto& maps : motion.objects) steps(maps.size());
+    if (!motion.camera.empty()) steps(motion.camera.size());
+    demand(motion.camera_views.empty() || motion.camera_views.size() == 4 * motion.camera.size(), "the wrong number of views", where);
+    demand(motion.shutter.size() != 1, "a shutter of one moment", where);
+    for (float moment : motion.shutter) demand(moment >= 0 && moment <= 1, "a moment outside the shutter", where);
+}
+
 }  // namespace
 
 void check_scene(const Scene& scene) {
     for (const auto& mesh : scene.meshes)
         if (mesh) check_mesh(*mesh);
     for (const Shader& shader : scene.shaders) check_graph(shader.graph);
+    check_motion(scene.motion);
     for (const auto& set : scene.material_sets)
         for (Handle shader : set) check_handle(shader, scene.shaders.size(), "material", "a material set");
     for (const auto& set : scene.object_attribute_sets)
@@ -110,6 +121,7 @@ void check_scene(const Scene& scene) {
         check_handle(object.name, scene.object_names.size(), "name", "an object");
         const std::string where = object.name == kNone ? "an object" : "Object '" + scene.object_names[size_t(object.name)] + "'";
         check_handle(object.mesh, scene.meshes.size(), "mesh", where);
+        check_handle(object.motion, scene.motion.objects.size(), "motion", where);
         check_handle(object.material_set, scene.material_sets.size(), "material set", where);
         check_handle(object.attribute_set, scene.object_attribute_sets.size(), "set of attributes", where);
     }

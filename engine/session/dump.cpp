@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 2;
+constexpr uint32_t kVersion = 3;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -92,6 +92,7 @@ template <class A>
 void fields(A& a, Is<Object> auto& s) {
     a(s.name, s.mesh, s.material_set, s.attribute_set, s.to_world, s.visibility, s.random, s.pass_index, s.color, s.dupli_generated, s.dupli_uv, s.is_instance,
       s.is_holdout, s.is_shadow_catcher, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
+    a.since(3, s.motion);
 }
 template <class A>
 void fields(A& a, Is<NodeInput> auto& s) {
@@ -141,10 +142,15 @@ void fields(A& a, Is<Settings> auto& s) {
       s.mist_start, s.mist_depth, s.mist_falloff, s.use_emission_sampling, s.threads, s.ocio_config, s.working_space, s.luminance_weights, s.instruction_set,
       s.viewport);
 }
+template <class A>
+void fields(A& a, Is<Motion> auto& s) {
+    a(s.objects, s.camera, s.camera_views, s.shutter, s.rolling, s.rolling_duration);
+}
 /// All but the dirty bits: a scene that was read is all new.
 template <class A>
 void fields(A& a, Is<Scene> auto& s) {
     a(s.settings, s.camera, s.world, s.meshes, s.objects, s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
+    a.since(3, s.motion);
 }
 
 // ---- writing

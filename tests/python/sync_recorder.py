@@ -20,6 +20,8 @@ class RecordingSession:
         self.meshes: dict[int, tuple[str, dict[str, Any]]] = {}
         self.shaders: dict[int, tuple[str, dict[str, Any], dict[str, Any]]] = {}
         self.images: dict[int, dict[str, Any]] = {}
+        self.motion: dict[str, Any] = {}
+        self.mesh_motions: dict[int, dict[str, Any]] = {}
         self._next = 0
 
     def _handle(self) -> int:
@@ -54,6 +56,15 @@ class RecordingSession:
         self.calls.append("set_mesh")
         assert handle in self.meshes
         self.meshes[handle] = (name, arrays)
+
+    def set_motion(self, values: dict[str, Any]) -> None:
+        self.calls.append("set_motion")
+        self.motion = values
+
+    def set_mesh_motion(self, handle: int, values: dict[str, Any]) -> None:
+        self.calls.append("set_mesh_motion")
+        assert handle in self.meshes
+        self.mesh_motions[handle] = values
 
     def remove_mesh(self, handle: int) -> None:
         self.calls.append("remove_mesh")

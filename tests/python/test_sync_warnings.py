@@ -22,11 +22,9 @@ def test_what_is_missing_is_said(empty_scene: Any) -> None:
     add_square("Plain")
     _, _, result = synchronise()
     assert result.warnings == []
-    scene.render.use_motion_blur = True
     scene.cycles.use_fast_gi = True
     obj = add_square("Linked")
     expected = {
-        "Scene 'Scene': motion blur is not supported yet",
         "Scene 'Scene': fast global illumination is ignored; the full one is rendered",
     }
     if hasattr(obj, "light_linking"):
@@ -34,5 +32,3 @@ def test_what_is_missing_is_said(empty_scene: Any) -> None:
         expected.add("Object 'Linked': light linking is not supported yet; its light reaches everything")
     _, _, result = synchronise()
     assert set(result.warnings) == expected
-    _, _, result = synchronise(viewport=True)
-    assert "Scene 'Scene': motion blur is not supported yet" not in result.warnings, "viewports show none"

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "geometry/surface.h"
+#include "scene/motion.h"
 
 namespace talbot::geometry {
 inline namespace TALBOT_ISA {
@@ -19,11 +20,13 @@ Vec3 smooth_offset(const scene::SceneView& scene, const shader::ShadingSpan& spa
     const uint32_t* vertices = mesh.triangle_vertices + 3 * triangle;
     const uint32_t* corners = by_corner ? mesh.triangle_corners + 3 * triangle : vertices;
     const Vec3* normals = by_corner ? mesh.corner_normals : mesh.vertex_normals;
+    const float time = span.time ? span.time[i] : 0.5f;
+    const scene::Placement placed = scene::placement_at(object, time);
     const float weight[3] = {1.0f - span.u[i] - span.v[i], span.u[i], span.v[i]};
     Vec3 p, n, vertex[3], normal[3];
     for (int k = 0; k < 3; ++k) {
-        vertex[k] = transform_point(object.to_world, mesh.positions[vertices[k]]);
-        normal[k] = normalize(transform_normal(object.to_object, normals[corners[k]]));
+        vertex[k] = transform_point(placed.to_world, scene::position_at(mesh, vertices[k], time));
+        normal[k] = normalize(transform_normal(placed.to_object, normals[corners[k]]));
         p = p + vertex[k] * weight[k];
         n = n + normal[k] * weight[k];
     }

@@ -15,7 +15,7 @@ TALBOT_INLINE float sum_of_sizes(Vec3 p) {
 
 /// Lane i of the span. `hit_point` gives where the ray met the curve, world space; asked for thick curves only.
 template <class HitPoint>
-TALBOT_INLINE void shade_curve(const scene::ObjectView& object, const scene::MeshView& mesh, int i, const HitPoint& hit_point, shader::ShadingSpan& out,
+TALBOT_INLINE void shade_curve(const scene::Placement& object, const scene::MeshView& mesh, int i, const HitPoint& hit_point, shader::ShadingSpan& out,
                                float* error) {
     const float time = out.time ? out.time[i] : 0.5f;
     const scene::CurveSegment curve = scene::curve_segment(mesh, out.primitive[i], time);
@@ -59,7 +59,7 @@ TALBOT_INLINE void shade_curve(const scene::ObjectView& object, const scene::Mes
 }
 
 /// A sphere at its hit point, world space.
-TALBOT_INLINE void shade_sphere(const scene::ObjectView& object, const scene::MeshView& mesh, int i, Vec3 hit_point, shader::ShadingSpan& out, float* error) {
+TALBOT_INLINE void shade_sphere(const scene::Placement& object, const scene::MeshView& mesh, int i, Vec3 hit_point, shader::ShadingSpan& out, float* error) {
     const float time = out.time ? out.time[i] : 0.5f;
     const size_t point = size_t(out.primitive[i]);
     const Vec3 center = scene::position_at(mesh, point, time);

@@ -36,15 +36,32 @@ TALBOT_INLINE void clear_lane(int k, Corners& c) {
     c.flat[k] = 1;
 }
 
-TALBOT_INLINE void fetch_lane(const scene::MeshView& mesh, int k, Corners& c) {
+/// The same a moment of the shutter: `moving` holds what `from` holds, step by step, `count` elements each.
+TALBOT_INLINE void fetch_moving(const Vec3* moving, uint32_t count, int steps, float time, const uint32_t* index, int k, float (&to)[9][kBlock]) {
+    const scene::MotionStep m = scene::motion_step(steps, time);
+    const Vec3* at = moving + size_t(m.step) * count;
+    for (int corner = 0; corner < 3; ++corner) {
+        const Vec3 p = lerp(at[index[corner]], at[size_t(count) + index[corner]], m.part);
+        to[3 * corner][k] = p.x;
+        to[3 * corner + 1][k] = p.y;
+        to[3 * corner + 2][k] = p.z;
+    }
+}
+
+TALBOT_INLINE void fetch_lane(const scene::MeshView& mesh, int k, float time, Corners& c) {
     if (mesh.kind != scene::GeometryKind::Triangles) return clear_lane(k, c);
     const size_t triangle = size_t(c.primitive[k]);
     const uint32_t* vertices = mesh.triangle_vertices + 3 * triangle;
-    fetch(mesh.positions, vertices, k, c.p);
+    if (mesh.motion_positions)
+        fetch_moving(mesh.motion_positions, mesh.position_count, mesh.motion_steps, time, vertices, k, c.p);
+    else
+        fetch(mesh.positions, vertices, k, c.p);
     const bool by_corner = mesh.corner_normals && mesh.triangle_corners;
     const bool smooth = (by_corner || mesh.vertex_normals) && (!mesh.triangle_smooth || mesh.triangle_smooth[triangle]);
     c.flat[k] = !smooth;
-    if (smooth)
+    if (smooth && mesh.motion_normals)
+        fetch_moving(mesh.motion_normals, mesh.normal_count, mesh.motion_steps, time, by_corner ? mesh.triangle_corners + 3 * triangle : vertices, k, c.n);
+    else if (smooth)
         fetch(by_corner ? mesh.corner_normals : mesh.vertex_normals, by_corner ? mesh.triangle_corners + 3 * triangle : vertices, k, c.n);
     else
         for (auto& column : c.n) column[k] = 0;
@@ -173,6 +190,7 @@ TALBOT_INLINE void shade_uniform(const scene::ObjectView& object, const Corners&
 void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstColumns3 origin, const int32_t* index, int n, shader::ShadingSpan& out,
                   float* error) {
     Corners c;
+    const auto time_of = [&](int i) { return out.time ? out.time[i] : 0.5f; };
     for (int first = 0; first < n; first += kBlock) {
         const int count = n - first < kBlock ? n - first : kBlock;
         bool uniform = true;
@@ -195,20 +213,29 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstCo
         if (uniform) {
             const scene::ObjectView& object = scene.objects[c.object[0]];
             const scene::MeshView mesh = scene.meshes[object.mesh];
-            for (int k = 0; k < count; ++k) fetch_lane(mesh, k, c);
+            for (int k = 0; k < count; ++k) fetch_lane(mesh, k, time_of(first + k), c);
             shade_uniform(object, c, count, columns);
         } else {
-            for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene.objects[c.object[k]].mesh], k, c);
+            for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene.objects[c.object[k]].mesh], k, time_of(first + k), c);
             shade_mixed(scene, c, count, columns);
+        }
+        // Objects that move: once more, where they are now.
+        for (int k = 0; scene.has_motion && k < count; ++k) {
+            const scene::ObjectView& object = scene.objects[c.object[k]];
+            if (object.motion_steps == 0) continue;
+            const scene::Placement placed = scene::placement_at(object, time_of(first + k));
+            shade_lane(c, k, placed.to_world, placed.to_object, mirror_sign(placed.to_world), columns);
         }
         if (!scene.has_strands) continue;
         for (int k = 0; k < count; ++k) {
             const scene::ObjectView& object = scene.objects[c.object[k]];
             const scene::MeshView& mesh = scene.meshes[object.mesh];
+            if (mesh.kind == scene::GeometryKind::Triangles) continue;
+            const scene::Placement placed = scene::placement_at(object, time_of(first + k));
             const int32_t lane = index[first + k];
             const auto from = [&] { return load(origin, lane) - load(out.wo, first + k) * hits.t[lane]; };
-            if (mesh.kind == scene::GeometryKind::Curves) shade_curve(object, mesh, first + k, from, out, error);
-            if (mesh.kind == scene::GeometryKind::Points) shade_sphere(object, mesh, first + k, from(), out, error);
+            if (mesh.kind == scene::GeometryKind::Curves) shade_curve(placed, mesh, first + k, from, out, error);
+            if (mesh.kind == scene::GeometryKind::Points) shade_sphere(placed, mesh, first + k, from(), out, error);
         }
     }
 }

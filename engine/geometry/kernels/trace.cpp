@@ -90,6 +90,7 @@ TALBOT_INLINE void load_packet(const RayColumns& rays, const int32_t* index, int
         const int at = first + k < n ? first + k : n - 1;
         lanes[k] = index ? index[at] : at;
     }
+    for (int k = 0; k < W; ++k) p.rays.ray.time[k] = rays.time ? rays.time[lanes[k]] : 0.5f;
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < W; ++k) {
         const int32_t lane = lanes[k];
@@ -100,7 +101,6 @@ TALBOT_INLINE void load_packet(const RayColumns& rays, const int32_t* index, int
         p.rays.ray.dir_x[k] = dx[lane];
         p.rays.ray.dir_y[k] = dy[lane];
         p.rays.ray.dir_z[k] = dz[lane];
-        p.rays.ray.time[k] = 0;
         p.rays.ray.tfar[k] = t_max[lane];
         p.rays.ray.mask[k] = uint32_t(visibility[lane]);
         p.rays.ray.id[k] = uint32_t(k);

@@ -3,6 +3,7 @@
 
 #include "base/sobol.h"
 #include "integrator/kernels/stages.h"
+#include "scene/motion.h"
 
 namespace talbot::integrator {
 inline namespace TALBOT_ISA {
@@ -141,7 +142,7 @@ struct NewPaths {
     uint32_t *key, *sample;
     float *film_x, *film_y, *lens_u, *lens_v;
     Columns3 origin, direction;
-    float *near, *far;
+    float *near, *far, *time;
     uint8_t* exists;
 };
 
@@ -151,7 +152,7 @@ NewPaths new_paths(SpanScratch& s) {
     p.key = s.span.key, p.sample = s.span.sample;
     p.film_x = s.u0, p.film_y = s.v0, p.lens_u = s.u1, p.lens_v = s.v1;
     p.origin = s.f, p.direction = s.wi;
-    p.near = s.tmp, p.far = s.tmp2;
+    p.near = s.tmp, p.far = s.tmp2, p.time = s.time;
     p.exists = s.mask;
     return p;
 }
@@ -176,15 +177,30 @@ void pinhole_rays(const scene::Camera& camera, const NewPaths& paths) {
     }
 }
 
-void general_rays(const scene::Camera& camera, const NewPaths& paths) {
-    for (int i = 0; i < paths.n; ++i) {
-        const CameraRay ray = camera_ray(camera, {paths.film_x[i], paths.film_y[i]}, paths.lens_u[i], paths.lens_v[i]);
-        paths.exists[i] = ray.exists;
-        store(paths.origin, i, transform_point(camera.to_world, ray.origin + ray.direction * ray.near));
-        store(paths.direction, i, normalize(transform_direction(camera.to_world, ray.direction)));
-        paths.near[i] = ray.near;
-        paths.far[i] = ray.far;
+TALBOT_INLINE void general_ray(const scene::Camera& camera, const NewPaths& paths, int i) {
+    const CameraRay ray = camera_ray(camera, {paths.film_x[i], paths.film_y[i]}, paths.lens_u[i], paths.lens_v[i]);
+    paths.exists[i] = ray.exists;
+    store(paths.origin, i, transform_point(camera.to_world, ray.origin + ray.direction * ray.near));
+    store(paths.direction, i, normalize(transform_direction(camera.to_world, ray.direction)));
+    paths.near[i] = ray.near;
+    paths.far[i] = ray.far;
+}
+
+/// Any other camera, and moving ones.
+void general_rays(const scene::Camera& camera, const scene::Motion& motion, const NewPaths& paths) {
+    if (!motion.camera.empty()) {
+        const int steps = int(motion.camera.size());
+        scene::Camera now = camera;
+        for (int i = 0; i < paths.n; ++i) {
+            now.to_world = scene::map_at(motion.camera.data(), steps, paths.time[i]);
+            const scene::MotionStep m = scene::motion_step(steps, paths.time[i]);
+            for (int side = 0; side < 4 && !motion.camera_views.empty(); ++side)
+                now.view[side] = lerp(motion.camera_views[size_t(4 * m.step + side)], motion.camera_views[size_t(4 * m.step + 4 + side)], m.part);
+            general_ray(now, paths, i);
+        }
+        return;
     }
+    for (int i = 0; i < paths.n; ++i) general_ray(camera, paths, i);
 }
 
 /// Film positions and lens numbers of the span's paths.
@@ -211,6 +227,26 @@ void sample_film(const RenderContext& context, const RenderUnit& unit, const New
         const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::Lens));
         lens_u[i] = u.x;
         lens_v[i] = u.y;
+    }
+}
+
+/// When the span's paths see the scene. A rolling shutter exposes a row for a part of the time only, from the top row to the bottom one.
+void sample_time(const RenderContext& context, const NewPaths& paths) {
+    const scene::Motion& motion = *context.scene->motion;
+    const int last = int(motion.shutter.size()) - 1;
+    const float inverse_height = 1.0f / float(context.settings->height);
+    for (int i = 0; i < paths.n; ++i) {
+        float time = sample_pair(paths.key[i], paths.sample[i], pair_dimension(0, Pair::Time)).x;
+        if (last > 0) {
+            const float x = time * float(last);
+            const int at = int(x) < last ? int(x) : last - 1;
+            time = lerp(motion.shutter[size_t(at)], motion.shutter[size_t(at) + 1], x - float(at));
+        }
+        if (motion.rolling) {
+            const float row = 1.0f - float(paths.py[i]) * inverse_height, duration = motion.rolling_duration;
+            time = duration > 0.0f ? (time - 0.5f) * duration + (row - 0.5f) * (1.0f - duration) + 0.5f : row;
+        }
+        paths.time[i] = time;
     }
 }
 
@@ -252,7 +288,9 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
     const float pixel_extent = 0.5f * (std::fabs(pixel_x) + std::fabs(pixel_y)) * float(unit.pixel_size);
     const bool orthographic = camera.type == scene::CameraType::Orthographic;
     const bool lens = camera.aperture_radius > 0.0f;
-    const bool pinhole = camera.type == scene::CameraType::Perspective && !lens;
+    const bool moves = context.scene->has_motion;
+    const scene::Motion& motion = *context.scene->motion;
+    const bool pinhole = camera.type == scene::CameraType::Perspective && !lens && motion.camera.empty();
 
     int fresh = 0;
     NewPaths next = new_paths(worker.scratch);
@@ -261,10 +299,11 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
         worker.counters.paths += uint64_t(n);
         std::memset(next.exists, 1, size_t(n));
         sample_film(context, unit, next, lens);
+        if (moves) sample_time(context, next);
         if (pinhole)
             pinhole_rays(camera, next);
         else
-            general_rays(camera, next);
+            general_rays(camera, motion, next);
 
         for (int i = 0; i < n; ++i) {
             const int32_t lane = next.lane[i];
@@ -287,6 +326,7 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             paths.cone_width[lane] = orthographic ? pixel_extent : pixel_extent * next.near[i];
             paths.pixel[lane] = next.pixel[i];
             paths.key[lane] = next.key[i];
+            if (moves) paths.time[lane] = next.time[i];
             paths.sample[lane] = next.sample[i];
             paths.flags[lane] = int32_t(shader::kRayCamera) | kPathDelta | kPathSeesBackground;
             paths.bounces[lane] = 0;

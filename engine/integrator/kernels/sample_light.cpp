@@ -99,6 +99,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         queue.indirect[k] = bounces > 0;
         queue.lane[k] = lane;
         queue.bounces[k] = s.bounces[i];
+        queue.time[k] = paths.time[lane];
         queue.visibility[k] = scene::kVisibleShadow;
         queue.crossed[k] = s.span.transparent_depth[i];
         if (shares) {

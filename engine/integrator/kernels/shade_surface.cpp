@@ -20,6 +20,8 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
     gather(paths.flags, lanes, n, s.path_flags);
     gather(paths.bounces, lanes, n, s.bounces);
     gather3(paths.direction, lanes, n, span.wo);
+    span.time = context.scene->has_motion ? s.time : nullptr;
+    if (span.time) gather(paths.time, lanes, n, span.time);
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const int32_t lane = lanes[i];

@@ -38,7 +38,9 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
         span.sample[i] = paths.sample[lane];
         span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
         store(s.wi, i, load(queue.direction, k));
+        s.time[i] = queue.time[k];
     }
+    span.time = context.scene->has_motion ? s.time : nullptr;
     geometry::shade_points(*context.scene, queue.hit, queue.origin, list, n, span, s.error);
     span.error = s.error;
     ConstColumns3 through;
@@ -69,7 +71,7 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
 
 void trace_transparent(const RenderContext& context, Worker& worker) {
     ShadowQueue& queue = worker.shadow;
-    const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max};
+    const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
         queue.visibility[k] = kShadowTransparent;
@@ -149,7 +151,7 @@ void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& 
         queue.list[n] = k;
         n += queue.t_max[k] > 0.0f;
     }
-    const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max};
+    const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, context.shadow_trace);
     geometry::occluded(*context.accelerator, rays, queue.list, n, queue.visibility, queue.blocked, context.shadow_trace);
     worker.counters.shadow_rays += uint64_t(n);

@@ -211,7 +211,8 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
         const int32_t object = object_of(s, k);
         if (object >= 0) {
             const scene::ObjectView& view = s.context.scene->objects[object];
-            v = transform(view.to_world, view.to_object, kind, v);
+            const scene::Placement placed = scene::placement_at(view, s.span.time ? s.span.time[k] : 0.5f);
+            v = transform(placed.to_world, placed.to_object, kind, v);
         } else if (s.span.is_lamp && s.span.lamp_to_world) {
             v = transform(*s.span.lamp_to_world, *s.span.lamp_to_object, kind, v);
         }

@@ -65,11 +65,18 @@ Scene make_scene() {
     strands.curve_starts = {0, 3};
     strands.segment_keys = {0, 1};
     strands.segment_curves = {0, 0};
+    scene.motion.objects = {{Affine{}, Affine{}}};
+    scene.motion.camera.assign(3, Affine{});
+    scene.motion.camera_views.assign(12, 0.5f);
+    scene.motion.shutter = {0, 0.25f, 1};
+    scene.motion.rolling = true;
+    scene.motion.rolling_duration = 0.75f;
     scene.meshes = {shared, nullptr, shared, std::make_shared<const Mesh>(strands)};
 
     Object object;
     object.name = 0;
     object.mesh = 2;
+    object.motion = 0;
     object.material_set = 0;
     object.attribute_set = 0;
     object.to_world.m[1][3] = 7;
@@ -170,6 +177,13 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     ASSERT_EQ(loaded.meshes.size(), 4u);
     EXPECT_EQ(loaded.meshes[0]->motion_positions.size(), 8u);
     EXPECT_EQ(loaded.meshes[0]->motion_normals.size(), 12u);
+    EXPECT_EQ(loaded.motion.objects[0].size(), 2u);
+    EXPECT_EQ(loaded.motion.camera.size(), 3u);
+    EXPECT_EQ(loaded.motion.camera_views, scene.motion.camera_views);
+    EXPECT_EQ(loaded.motion.shutter, scene.motion.shutter);
+    EXPECT_TRUE(loaded.motion.rolling);
+    EXPECT_EQ(loaded.motion.rolling_duration, 0.75f);
+    EXPECT_EQ(loaded.objects[0].motion, 0);
     EXPECT_EQ(loaded.meshes[3]->kind, GeometryKind::Curves);
     EXPECT_EQ(loaded.meshes[3]->curve_shape, CurveShape::ThickLinear);
     EXPECT_EQ(loaded.meshes[3]->curve_subdivisions, 5);
@@ -202,7 +216,8 @@ TEST(Dump, RoundTripKeepsEveryByte) {
 TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
     EXPECT_EQ(sizeof(Mesh), 504u);
-    EXPECT_EQ(sizeof(Object), 124u);
+    EXPECT_EQ(sizeof(Object), 128u);
+    EXPECT_EQ(sizeof(Motion), 104u);
     EXPECT_EQ(sizeof(NodeInput), 96u);
     EXPECT_EQ(sizeof(NodeOutput), 56u);
     EXPECT_EQ(sizeof(Node), 160u);
@@ -213,7 +228,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Camera), 168u);
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
-    EXPECT_EQ(sizeof(Scene), 712u);
+    EXPECT_EQ(sizeof(Scene), 816u);
 }
 #endif
 
