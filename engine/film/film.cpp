@@ -11,8 +11,7 @@ namespace {
 
 constexpr int kPassCount = int(PassKind::SampleCount) + 1;
 constexpr float kEmptyDepth = 1e10f;
-constexpr float kDecidedWeight = 0.5f;  // as in kernels/film_add.cpp: a single-sample value of this weight stays
-constexpr int kRowsPerLock = 16;        // resolve lets merging workers in between bands of rows
+constexpr int kRowsPerLock = 16;  // resolve lets merging workers in between bands of rows
 
 PassKind colour_of(PassKind kind) {
     switch (kind) {
@@ -126,15 +125,6 @@ Film::Film(const FilmLayout& layout, int width, int height, bool halves) : layou
 }
 
 void Film::merge(const TileFilm& tile, std::span<const PackedPixel> pixels, int samples) {
-    // Channels that keep one sample's value are restored after the plain sum of the pixel.
-    struct Single {
-        int offset, channels;
-    };
-    Single singles[kPassCount];
-    int single_count = 0;
-    for (int k = 0; k < kPassCount; ++k) {
-        if (layout_.offset[k] >= 0 && is_single_sample(PassKind(k))) singles[single_count++] = {layout_.offset[k], pass_channels(PassKind(k))};
-    }
     const size_t stride = size_t(layout_.stride), count = pixels.size();
     const int combined = layout_.offset[int(PassKind::Combined)];
 
@@ -144,14 +134,8 @@ void Film::merge(const TileFilm& tile, std::span<const PackedPixel> pixels, int 
         float* to = sums_.data() + place * stride;
         for (size_t plane = 0; plane < size_t(tile.planes()); ++plane) {
             const float* from = tile.pixels() + (plane * count + i) * stride;
-            float kept[kPassCount][4];
-            for (int s = 0; s < single_count; ++s) {
-                const int weight = singles[s].offset + singles[s].channels;
-                const bool keep = to[weight] >= kDecidedWeight || from[weight] <= 0.0f;
-                std::copy_n((keep ? to : from) + singles[s].offset, singles[s].channels + 1, kept[s]);
-            }
+            // Only the tile that has the first sample has anything in the channels that keep one value.
             for (size_t f = 0; f < stride; ++f) to[f] += from[f];
-            for (int s = 0; s < single_count; ++s) std::copy_n(kept[s], singles[s].channels + 1, to + singles[s].offset);
             if (plane == 1)
                 for (size_t c = 0; c < 3; ++c) second_half_[place * 3 + c] += from[size_t(combined) + c];
         }

@@ -10,7 +10,7 @@
 ///   Mist                              sum of (1 - mist) * weight
 ///   SampleCount                       nothing: it is a pixel's samples over those of the pixel that took most
 ///   Depth, Position, ObjectIndex,
-///   MaterialIndex                     one sample's value and, one float more, its weight: nothing to average there
+///   MaterialIndex                     the first sample's value and, one float more, whether there is one: nothing to average there
 #pragma once
 
 #include <atomic>

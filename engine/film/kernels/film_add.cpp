@@ -7,8 +7,6 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
-constexpr float kDecidedWeight = 0.5f;
-
 // x - x is NaN for infinities and NaN.
 TALBOT_INLINE bool is_finite(Vec3 v) {
     const float zero = (v.x - v.x) + (v.y - v.y) + (v.z - v.z);
@@ -96,9 +94,7 @@ void add_data(TileFilm& tile, scene::PassKind kind, const int32_t* pixel, const 
         if (!is_finite(v * w)) continue;
         float* sum = pixels + size_t(pixel[i]) * size_t(layout.stride);
         if (single) {
-            float* kept_weight = sum + (scalar ? 1 : 3);
-            if (*kept_weight >= kDecidedWeight || !(w > 0.0f)) continue;
-            *kept_weight = w;
+            sum[scalar ? 1 : 3] = w > 0.0f ? 1.0f : 0.0f;
             sum[0] = v.x;
             if (!scalar) {
                 sum[1] = v.y;

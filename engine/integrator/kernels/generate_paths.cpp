@@ -218,8 +218,10 @@ void sample_film(const RenderContext& context, const RenderUnit& unit, const New
     for (int i = 0; i < paths.n; ++i) {
         key[i] = pixel_key(seed, uint32_t(py[i]) * width + uint32_t(px[i]));
         const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::PixelFilter));
-        film_x[i] = (float(px[i]) + block * (0.5f + filter_offset(table, u.x))) * inverse_width;
-        film_y[i] = (float(py[i]) + block * (0.5f + filter_offset(table, u.y))) * inverse_height;
+        // The first sample is the pixel's centre, as in Cycles: passes of one sample show that.
+        const float spread = sample[i] == 0 ? 0.0f : block;
+        film_x[i] = (float(px[i]) + 0.5f * block + spread * filter_offset(table, u.x)) * inverse_width;
+        film_y[i] = (float(py[i]) + 0.5f * block + spread * filter_offset(table, u.y)) * inverse_height;
     }
     if (!lens) return;
     TALBOT_VECTOR_LOOP

@@ -88,6 +88,21 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
         const int m = n - begin < kSpan ? n - begin : kSpan;
         world_radiance(context, worker, span_lanes, m, s.rgb);
 
+        if (context.layout->data_passes) {
+            // Nothing decided what single samples keep: they are empty.
+            int count = 0;
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = span_lanes[i];
+                const bool first = paths.sample[lane] == uint32_t(settings.first_sample);
+                s.itmp[count] = paths.pixel[lane];
+                count += first && (paths.flags[lane] & (kPathSeesBackground | kPathDataDone)) == kPathSeesBackground;
+            }
+            fill(s.tmp, count, 0.0f);
+            const float* columns[] = {s.tmp, s.tmp, s.tmp};
+            using scene::PassKind;
+            for (PassKind kind : {PassKind::Depth, PassKind::Position, PassKind::ObjectIndex, PassKind::MaterialIndex})
+                film::add_data(tile, kind, s.itmp, columns, s.tmp, count);
+        }
         // A transparent film sees no world: the pixel lets that much through.
         if (settings.film_transparent) {
             int count = 0;

@@ -1,5 +1,5 @@
-/// Passes of the first thing a camera path meets: geometry of the hit, colours of its closures, guides for the denoiser.
-/// Transparent surfaces give their share and hand the rest on.
+/// Passes of what camera paths meet: geometry of the hit, colours of its closures, guides for the denoiser. They go on behind transparent
+/// surfaces, and behind clear glass where a transparent film shows through it.
 
 #include "integrator/kernels/stages.h"
 
@@ -14,12 +14,11 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     const film::FilmLayout& layout = *context.layout;
     const scene::Camera& camera = *context.camera;
 
-    // Lanes that write, their pixels, and how much of the pixel they stand for.
+    // Lanes that write, and the transparency of what they meet.
     int n = 0;
     for (int i = 0; i < span.n; ++i) {
-        const bool writes = (s.path_flags[i] & shader::kRayCamera) && !(s.path_flags[i] & kPathDataDone);
         s.list[n] = i;
-        n += writes;
+        n += (s.path_flags[i] & kPathSeesBackground) != 0;
     }
     if (n == 0) return;
     fill(s.tmp, span.n, 0.0f);
@@ -28,41 +27,70 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         const ClosureColumns c = slot_columns(slot, s.registers);
         for (int i = 0; i < span.n; ++i) s.tmp[i] += mean(load(c.weight, i));
     }
-    for (int k = 0; k < n; ++k) {
-        const int i = s.list[k];
-        s.itmp[k] = paths.pixel[s.lane[i]];
-        s.tmp2[k] = saturate(1.0f - s.tmp[i]) * mean(load(s.throughput, i));
-        // Blender's alpha threshold of data passes: what is behind a mostly opaque surface does not count.
-        if (1.0f - s.tmp[i] >= 0.5f) paths.flags[s.lane[i]] |= kPathDataDone;
-    }
 
     const Vec3 eye{camera.to_world.m[0][3], camera.to_world.m[1][3], camera.to_world.m[2][3]};
     const Vec3 axis = normalize(Vec3{-camera.to_world.m[0][2], -camera.to_world.m[1][2], -camera.to_world.m[2][2]});
     const bool planar = camera.type != scene::CameraType::Panoramic;
+    auto write = [&](PassKind kind, const float* const* columns) {
+        for (int k = 0; k < n; ++k) s.itmp[k] = paths.pixel[s.lane[s.list[k]]];
+        film::add_data(tile, kind, s.itmp, columns, s.tmp2, n);
+    };
     auto scalar = [&](PassKind kind, auto&& value) {
         if (!layout.has(kind)) return;
         for (int k = 0; k < n; ++k) s.tmp3.x[k] = value(s.list[k]);
         const float* columns[] = {s.tmp3.x};
-        film::add_data(tile, kind, s.itmp, columns, s.tmp2, n);
+        write(kind, columns);
     };
     auto vector = [&](PassKind kind, auto&& value) {
         if (!layout.has(kind)) return;
         for (int k = 0; k < n; ++k) store(s.tmp3, k, value(s.list[k]));
         const float* columns[] = {s.tmp3.x, s.tmp3.y, s.tmp3.z};
-        film::add_data(tile, kind, s.itmp, columns, s.tmp2, n);
+        write(kind, columns);
     };
-    auto distance = [&](int i) { return length(load(span.p, i) - eye); };
-    scalar(PassKind::Depth, [&](int i) { return planar ? dot(load(span.p, i) - eye, axis) : distance(i); });
+    auto weigh = [&](auto&& weight) {
+        for (int k = 0; k < n; ++k) s.tmp2[k] = weight(s.list[k]);
+    };
+    auto keep = [&](auto&& condition) {
+        int left = 0;
+        for (int k = 0; k < n; ++k) {
+            const int i = s.list[k];
+            s.list[left] = i;
+            left += condition(i);
+        }
+        n = left;
+    };
+    auto share = [&](int i) { return saturate(1.0f - s.tmp[i]) * mean(load(s.throughput, i)); };
+    const bool parallel = camera.type == scene::CameraType::Orthographic;
+    auto distance = [&](int i) {
+        const Vec3 d = load(span.p, i) - eye;
+        return parallel ? std::fabs(dot(d, axis)) : length(d);
+    };
+
+    // Sums over everything on the way.
+    weigh(share);
     scalar(PassKind::Mist, [&](int i) { return film::mist_amount(*context.settings, distance(i)); });
-    scalar(PassKind::ObjectIndex, [&](int i) { return float(context.scene->objects[span.object[i]].pass_index); });
-    if (layout.has(PassKind::MaterialIndex)) {
-        for (int k = 0; k < n; ++k) s.list2[k] = s.lane[s.list[k]];
-        geometry::hit_shaders(*context.scene, paths.hit, s.list2, n, s.chosen);
-        for (int k = 0; k < n; ++k) s.tmp3.x[k] = float(context.programs->shaders[size_t(s.chosen[k])].pass_index);
-        const float* columns[] = {s.tmp3.x};
-        film::add_data(tile, PassKind::MaterialIndex, s.itmp, columns, s.tmp2, n);
+    const bool colors = layout.has(PassKind::DiffuseColor) || layout.has(PassKind::GlossyColor) || layout.has(PassKind::TransmissionColor) ||
+                        layout.has(PassKind::DenoisingAlbedo);
+    Columns3 sums[3] = {s.f_diffuse, s.f_glossy, s.slot_f};
+    if (colors) {
+        for (Columns3 sum : sums) fill(sum.x, span.n, 0.0f), fill(sum.y, span.n, 0.0f), fill(sum.z, span.n, 0.0f);
+        for (const ClosureSlot& slot : program.slots) {
+            if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
+            closure_albedo(slot, slot_columns(slot, s.registers), geometry, span.n, s.rgb);
+            const Columns3 sum = sums[slot.lobe == LobeKind::Diffuse ? 0 : slot.lobe == LobeKind::Glossy ? 1 : 2];
+            for (int i = 0; i < span.n; ++i) store(sum, i, load(sum, i) + load(s.rgb, i));
+        }
+        auto throughput = [&](int i) { return load(s.throughput, i); };
+        weigh([](int) { return 1.0f; });  // colours carry their own weights
+        vector(PassKind::DiffuseColor, [&](int i) { return load(sums[0], i) * throughput(i); });
+        vector(PassKind::GlossyColor, [&](int i) { return load(sums[1], i) * throughput(i); });
+        vector(PassKind::TransmissionColor, [&](int i) { return load(sums[2], i) * throughput(i); });
     }
-    vector(PassKind::Position, [&](int i) { return load(span.p, i); });
+
+    // The rest shows the first surface that is more opaque than not (Blender's alpha threshold of passes). The denoiser's guides take what is before it too.
+    keep([&](int i) { return !(s.path_flags[i] & kPathDataDone); });
+    weigh([](int) { return 1.0f; });
+    if (colors) vector(PassKind::DenoisingAlbedo, [&](int i) { return (load(sums[0], i) + load(sums[1], i) + load(sums[2], i)) * load(s.throughput, i); });
     // The mean of the closures' normals (bump included), the geometry's where nothing scatters.
     fill(s.share_a.x, span.n, 0.0f), fill(s.share_a.y, span.n, 0.0f), fill(s.share_a.z, span.n, 0.0f);
     if (layout.has(PassKind::Normal) || layout.has(PassKind::DenoisingNormal)) {
@@ -76,8 +104,11 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         const Vec3 sum = load(s.share_a, i);
         return dot(sum, sum) > 0.0f ? normalize(sum) : load(span.n_s, i);
     };
-    vector(PassKind::Normal, normal);
+    weigh(share);
     vector(PassKind::DenoisingNormal, normal);
+    auto decides = [&](int i) { return 1.0f - s.tmp[i] >= 0.5f; };
+    weigh([&](int i) { return decides(i) ? 1.0f : 0.0f; });
+    vector(PassKind::Normal, normal);
     if (layout.has(PassKind::Vector3Uv)) {
         // The active UV map at the hit, interpolated from the corners.
         vector(PassKind::Vector3Uv, [&](int i) {
@@ -98,22 +129,23 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         });
     }
 
-    const bool colors = layout.has(PassKind::DiffuseColor) || layout.has(PassKind::GlossyColor) || layout.has(PassKind::TransmissionColor);
-    if (!colors && !layout.has(PassKind::DenoisingAlbedo)) return;
-    Columns3 sums[3] = {s.f_diffuse, s.f_glossy, s.slot_f};
-    for (Columns3 sum : sums) fill(sum.x, span.n, 0.0f), fill(sum.y, span.n, 0.0f), fill(sum.z, span.n, 0.0f);
-    for (const ClosureSlot& slot : program.slots) {
-        if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
-        closure_albedo(slot, slot_columns(slot, s.registers), geometry, span.n, s.rgb);
-        const Columns3 sum = sums[slot.lobe == LobeKind::Diffuse ? 0 : slot.lobe == LobeKind::Glossy ? 1 : 2];
-        for (int i = 0; i < span.n; ++i) store(sum, i, load(sum, i) + load(s.rgb, i));
+    for (int k = 0; k < n; ++k) {
+        if (decides(s.list[k])) paths.flags[s.lane[s.list[k]]] |= kPathDataDone;
     }
-    auto throughput = [&](int i) { return load(s.throughput, i); };
-    for (int k = 0; k < n; ++k) s.tmp2[k] = 1.0f;  // colours carry their own weights
-    vector(PassKind::DiffuseColor, [&](int i) { return load(sums[0], i) * throughput(i); });
-    vector(PassKind::GlossyColor, [&](int i) { return load(sums[1], i) * throughput(i); });
-    vector(PassKind::TransmissionColor, [&](int i) { return load(sums[2], i) * throughput(i); });
-    vector(PassKind::DenoisingAlbedo, [&](int i) { return (load(sums[0], i) + load(sums[1], i) + load(sums[2], i)) * throughput(i); });
+
+    // One sample's values, each overwritten by what follows on the way to that surface.
+    keep([&](int i) { return span.sample[i] == uint32_t(context.settings->first_sample); });
+    weigh([](int) { return 1.0f; });
+    scalar(PassKind::Depth, [&](int i) { return planar ? dot(load(span.p, i) - eye, axis) : distance(i); });
+    scalar(PassKind::ObjectIndex, [&](int i) { return float(context.scene->objects[span.object[i]].pass_index); });
+    vector(PassKind::Position, [&](int i) { return load(span.p, i); });
+    if (layout.has(PassKind::MaterialIndex)) {
+        for (int k = 0; k < n; ++k) s.list2[k] = s.lane[s.list[k]];
+        geometry::hit_shaders(*context.scene, paths.hit, s.list2, n, s.chosen);
+        for (int k = 0; k < n; ++k) s.tmp3.x[k] = float(context.programs->shaders[size_t(s.chosen[k])].pass_index);
+        const float* columns[] = {s.tmp3.x};
+        write(PassKind::MaterialIndex, columns);
+    }
 }
 
 }  // namespace TALBOT_ISA

@@ -130,19 +130,18 @@ TEST(Film, NonFiniteContributionsAreDropped) {
     EXPECT_EQ(resolved(film, PassKind::Depth)[0], 1e10f);
 }
 
-TEST(Film, DepthIsOneSamplesValue) {
+TEST(Film, DepthIsTheFirstSamplesValue) {
     const PassKind wanted[] = {PassKind::Depth, PassKind::ObjectIndex, PassKind::Position, PassKind::Mist};
     const FilmLayout layout = make_layout(wanted);
     Film film(layout, 3, 1);
     TileFilm tile;
     tile.reset(layout, 3);
-    // Pixel 0: a veil, then the wall behind it, then a second sample. Pixel 1: hit in a later range only. Pixel 2: nothing.
-    add_scalar(tile, PassKind::Depth, {0, 0, 0}, {2, 5, 7}, {0.25f, 0.75f, 1});
+    // Pixel 0: a veil, then the wall behind it. Pixel 1: a wall. Pixel 2: a veil before nothing. Later samples write sums only.
+    add_scalar(tile, PassKind::Depth, {0, 0, 1, 2, 2}, {2, 5, 3, 4, 0}, {1, 1, 1, 1, 0});
+    add_scalar(tile, PassKind::ObjectIndex, {1}, {42}, {1});
     add_scalar(tile, PassKind::Mist, {0, 0}, {0.2f, 0.6f}, {0.25f, 0.75f});
     film.merge(tile, list_pixels(3, 1, 8), 1);
     tile.reset(layout, 3);
-    add_scalar(tile, PassKind::Depth, {0, 1}, {9, 3}, {1, 1});
-    add_scalar(tile, PassKind::ObjectIndex, {1}, {42}, {1});
     film.merge(tile, list_pixels(3, 1, 8), 1);
     EXPECT_EQ(resolved(film, PassKind::Depth), (std::vector<float>{5, 3, 1e10f}));
     EXPECT_EQ(resolved(film, PassKind::ObjectIndex), (std::vector<float>{0, 42, 0}));
