@@ -22,7 +22,7 @@ enum PathFlags : int32_t {
     kPathSeesBackground = 1 << 18,  ///< a transparent film sees the world through here
     kPathDataDone = 1 << 19,        ///< first-hit passes are written
     kPathCrossed = 1 << 20,         ///< the last surface was crossed straight on
-    kPathTerminate = 1 << 21,       ///< lost the roulette on arrival: collects the surface's emission, then ends
+    kPathTerminate = 1 << 21,       ///< lost the roulette on arrival, or at the limit of transparent surfaces: collects the surface's emission, then ends
 };
 
 struct PathColumns {

@@ -112,7 +112,6 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     for (const Sun& sun : table->suns) summary.has_distant |= sun.probability > 0;
     summary.has_visible_lamps = !table->visible_lamps.empty();
     for (const Sun& sun : table->suns) summary.has_visible_suns |= sun.hit_visibility != 0 && sun.one_minus_cos > 0;
-    summary.world_max_bounces = view.world_max_bounces;
     return table;
 }
 

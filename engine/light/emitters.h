@@ -41,7 +41,6 @@ struct EmitterSummary {
     Rgb constant_world;
     int world_shader = -1;  ///< compiled shader index of the world, -1: black
     uint32_t world_visibility = scene::kVisibleAll;
-    int world_max_bounces = 1024;  ///< the world lights points with at most this many bounces
 };
 EmitterSummary summarize(const EmitterTable& table);
 
@@ -93,14 +92,13 @@ void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, f
 void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
                      int32_t* emitter, float* t, const float* t_min = nullptr);
 /// Radiance of that lamp towards the ray's origin and its sampling density there. Origin is the vertex that scattered the ray (soft point lamps turn towards
-/// it). `bounce` is that vertex's, for the lamps' max_bounces (null: no limit).
+/// it). `bounce` is that vertex's, for lamps whose nodes ask (null: 0). A lamp's max_bounces is for light samples only, as in Cycles.
 void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
                  int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
                  const int32_t* bounce = nullptr);
 /// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
 /// weight 1).
-void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* bounce = nullptr);
+void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light

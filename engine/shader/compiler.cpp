@@ -72,7 +72,6 @@ private:
         out.sample_as_light = shader.sample_as_light;
         out.emission_front = shader.emission_front;
         out.emission_back = shader.emission_back;
-        out.use_transparent_shadow = shader.use_transparent_shadow;
         out.bump_correction = shader.use_bump_map_correction;
         out.has_bump = values.has_bump;
         out.sun = values.sun;
@@ -91,7 +90,7 @@ private:
             // What varies may be brighter elsewhere than at the guess: never nothing.
             out.emission_estimate = out.emission_is_constant ? mean : std::max(mean, 1e-3f);
         }
-        if (values.transparency.valid()) {
+        if (values.transparency.valid() && shader.use_transparent_shadow) {
             out.transparency = add(lower(expressions, {nullptr, {}, values.transparency, {}}, constants), shader.name);
             out.transparency_is_constant = expressions.is_known(values.transparency);
             if (out.transparency_is_constant)

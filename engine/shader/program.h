@@ -64,7 +64,6 @@ struct CompiledShader {
     SunDisc sun;
     int32_t pass_index = 0;
     bool sample_as_light = true, emission_front = true, emission_back = true;
-    bool use_transparent_shadow = true;
     bool bump_correction = true;
 };
 

@@ -165,9 +165,8 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
     }
     geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
 
-    // Measured: 3.4 to 5.1 let a ray cross one transparent surface more than the limit says.
-    const int transparent_limit =
-        settings.version < 502 ? settings.transparent_bounces + 1 : (settings.transparent_bounces > 1 ? settings.transparent_bounces : 1);
+    // Before 5.0 a ray crosses one transparent surface more than the limit says.
+    const int transparent_limit = settings.version < 500 ? settings.transparent_bounces + 1 : settings.transparent_bounces;
     int alive = 0;
     for (int i = 0; i < n; ++i) {
         const int32_t lane = s.lane[i];
@@ -184,8 +183,7 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         const bool transparent = (sampled & kSampledTransparent) != 0;
         int32_t bounces = s.bounces[i];
         if (transparent) {
-            if (crossed >= transparent_limit) continue;
-            flags |= kPathCrossed;
+            flags |= kPathCrossed | (crossed + 1 >= transparent_limit ? kPathTerminate : 0);
         } else {
             const bool transmitted = (sampled & kSampledTransmit) != 0;
             const bool delta = (sampled & kSampledDelta) != 0;

@@ -73,7 +73,7 @@ void world_radiance(const RenderContext& context, Worker& worker, const int32_t*
     for (int i = 0; i < n; ++i) {
         const int32_t lane = lanes[i];
         const bool seen = summary.world_visibility & uint32_t(ray_visibility(paths.flags[lane]));
-        if (!seen || total_bounces(paths.bounces[lane]) > summary.world_max_bounces + 1) store(rgb, i, Rgb{});
+        if (!seen) store(rgb, i, Rgb{});
     }
 }
 
@@ -118,13 +118,11 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
         if (context.emitter_summary.has_visible_suns) {
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = span_lanes[i];
-                const int bounces = total_bounces(paths.bounces[lane]);
-                s.list2[i] = bounces > 0 ? bounces - 1 : 0;
                 store(s.wi, i, load(paths.direction, lane));
                 s.itmp[i] = ray_visibility(paths.flags[lane]);
                 s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
             }
-            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3, s.list2);
+            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3);
             for (int i = 0; i < m; ++i) store(s.rgb, i, load(s.rgb, i) + load(s.tmp3, i));
         }
         add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);

@@ -138,7 +138,7 @@ void add_holdout(const RenderContext& context, Worker& worker, const shader::Pro
 }
 
 /// Drops lobes that the caustics switches forbid behind a diffuse scattering, widens narrow ones (filter glossy), and
-/// leaves only transparency to paths at a bounce limit.
+/// leaves only transparency to paths at a bounce limit, and nothing at the limit of transparency.
 void restrict_closures(const RenderContext& context, Worker& worker, const shader::Program& program) {
     const scene::Settings& settings = *context.settings;
     SpanScratch& s = worker.scratch;
@@ -160,7 +160,16 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
             }
         }
     }
+    const bool one_caustic = settings.version >= 400 && settings.caustics_reflective != settings.caustics_refractive;
     for (const ClosureSlot& slot : program.slots) {
+        if (one_caustic && slot.type == ClosureType::MicrofacetGlass) {
+            // Of glass that is both, one side goes black: parameters 5 to 7 tint what it reflects, 8 to 10 what it lets through.
+            const int first = settings.caustics_reflective ? 8 : 5;
+            for (int k = first; k < first + 3; ++k) {
+                float* tint = s.registers + size_t(slot.params[k]) * kSpan;
+                for (int i = 0; i < n; ++i) tint[i] = (s.path_flags[i] & shader::kRayDiffuse) ? 0.0f : tint[i];
+            }
+        }
         const bool transmits = slot.lobe == LobeKind::Transmission;
         const bool glass = slot.type == ClosureType::MicrofacetGlass;  // has both sides: dropped only when neither is allowed
         const bool drop = glass ? !settings.caustics_reflective && !settings.caustics_refractive

@@ -102,7 +102,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
         float o[3][kSpan], probability[kSpan], r[3][kSpan], p[3][kSpan], wo[3][kSpan], normal[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
         int count = 0;
         for (int i = begin; i < end; ++i) {
-            if (lamp_index[i] < 0 || (bounce && bounce[i] > table.lamps[lamp_index[i]].max_bounces)) continue;
+            if (lamp_index[i] < 0) continue;
             lane[count] = i;
             chosen[count] = lamp_index[i];
             emitter[count] = table.lamps[lamp_index[i]].emitter;
@@ -151,8 +151,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
     }
 }
 
-void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* bounce) {
+void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) store(radiance, i, {});
     for (int k = 0; k < table.sun_count; ++k) {
@@ -171,8 +170,7 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             const float own = bsdf_pdf[i], ratio = pdf / maxf(own, 1e-20f);
             const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
             const float c = maxf(1.0f - drop, 1e-4f);
-            const float limit = bounce ? (bounce[i] > sun.max_bounces ? 0.0f : 1.0f) : 1.0f;
-            const float f = seen >= 0.0f ? weight * limit * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
+            const float f = seen >= 0.0f ? weight * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
             r[i] += sun.power.x * f;
             g[i] += sun.power.y * f;
             b[i] += sun.power.z * f;
