@@ -170,6 +170,7 @@ class LayerRender:
             reports.Line("warning", f"The {name} pass is not available in Talbot yet", f"View Layer {layer.name}")
             for name in passes.not_offered(layer)
         ]
+        lines += reports.from_session(synced.session)  # about meshes and objects; the session forgets it when it starts
         reports.publish(engine, self.reports, lines)
         self.state.kept = synced if persistent else None
         return synced, outcome.timings

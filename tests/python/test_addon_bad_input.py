@@ -1,0 +1,107 @@
+"""Bad input gives a message in Blender's words, a picture or none, and never a crash.
+
+What the launcher, the native session and the viewport refuse by themselves is tested with them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from test_addon_pictures import lines, picture, scene
+
+__all__ = ["scene"]
+
+
+def add_mesh(name: str, vertices: list[tuple[float, ...]], faces: list[tuple[int, ...]]) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def cube_material() -> bpy.types.Material:
+    return bpy.data.objects["Cube"].data.materials[0]
+
+
+def test_unreadable_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.blend"
+    broken.write_bytes(b"BLENDER-v304" + b"\xff" * 500)
+    with pytest.raises(RuntimeError):
+        bpy.ops.wm.open_mainfile(filepath=str(broken))
+    assert np.isfinite(picture(bpy.context.scene)).all(), "the file that was open still renders"
+
+
+def test_vertices_that_are_no_numbers(scene: bpy.types.Scene) -> None:
+    vertices = [(0, 0, 2), (1, 0, 2), (float("nan"), 1, 2), (float("inf"), 0, 2)]
+    add_mesh("Broken", vertices, [(0, 1, 2), (0, 1, 3)])
+    assert np.isfinite(picture(scene)).all()
+    assert any("Broken" in line and "triangle" in line for line in lines(scene)), lines(scene)
+
+
+def test_faces_without_area_and_twice(scene: bpy.types.Scene) -> None:
+    vertices = [(0, 0, 2), (1, 0, 2), (2, 0, 2), (0, 1, 2), (0, 0, 2)]
+    add_mesh("Thin", vertices, [(0, 1, 2), (0, 1, 3), (3, 1, 0), (4, 1, 3), (0, 4, 1)])
+    assert np.isfinite(picture(scene)).all()
+
+
+@pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (-1, 1, 1), (1e-12, 5, -3), (1e12, 1, 1)])
+def test_scales(scene: bpy.types.Scene, scale: tuple[float, float, float]) -> None:
+    bpy.data.objects["Cube"].scale = scale
+    bpy.data.objects["Light"].scale = scale
+    assert np.isfinite(picture(scene)).all()
+
+
+def test_absent_image(scene: bpy.types.Scene) -> None:
+    tree = cube_material().node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    image = bpy.data.images.new("Lost", 4, 4)
+    image.source, image.filepath = "FILE", "//not/here.png"
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    pixels = picture(scene)
+    assert np.isfinite(pixels).all()
+    red, green, blue, _ = pixels[10, 16]
+    assert min(red, blue) > 2 * green, "magenta"
+    assert any("here.png" in line or "Lost" in line for line in lines(scene))
+
+
+def test_unknown_node(scene: bpy.types.Scene) -> None:
+    tree = cube_material().node_tree
+    node = tree.nodes.new("ShaderNodeScript")
+    node.mode = "INTERNAL"
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfHairPrincipled").outputs[0], tree.nodes["Material Output"].inputs[0])
+    assert np.isfinite(picture(scene)).all()
+
+
+def test_links_in_a_circle(scene: bpy.types.Scene) -> None:
+    tree = cube_material().node_tree
+    first, second = (tree.nodes.new("ShaderNodeMath") for _ in range(2))
+    tree.links.new(first.outputs[0], second.inputs[0])
+    tree.links.new(second.outputs[0], first.inputs[0])
+    tree.links.new(second.outputs[0], tree.nodes["Principled BSDF"].inputs["Roughness"])
+    assert np.isfinite(picture(scene)).all()
+
+
+def test_smallest_and_widest_picture(scene: bpy.types.Scene) -> None:
+    render = scene.render
+    render.resolution_x = render.resolution_y = 4
+    render.resolution_percentage = 1
+    with pytest.raises(RuntimeError, match="too small"):
+        picture(scene)
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 32768, 4, 100
+    scene.talbot.samples = 1
+    assert picture(scene).shape[:2] == (4, 32768)
+
+
+def test_a_place_that_cannot_be_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    scene.render.filepath = str(blocked / "out.exr")
+    with pytest.raises(RuntimeError):
+        bpy.ops.render.render(write_still=True)
+    scene.render.filepath = str(tmp_path / "out.exr")
+    assert np.isfinite(picture(scene)).all()
