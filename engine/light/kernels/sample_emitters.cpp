@@ -22,6 +22,11 @@ TALBOT_INLINE bool is_black(Rgb c) {
     return c.x == 0.0f && c.y == 0.0f && c.z == 0.0f;
 }
 
+/// Scattered rays never hit such a lamp (its MIS is switched off): its light samples bring all of its light.
+TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility) {
+    return (hit_visibility & ~int32_t(scene::kVisibleCamera)) == 0;
+}
+
 void sample_local(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
                   LightScratch& scratch, const LightSamples& out) {
     int32_t emitter[kSpan];
@@ -79,7 +84,7 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
             store(out.radiance, lane, radiance);
             out.distance[lane] = found.distance[i];
             out.pdf[lane] = pdf;
-            out.is_delta[lane] = is_delta;
+            out.is_delta[lane] = is_delta || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
             out.casts_shadow[lane] = found.casts_shadow[i];
             out.visibility[lane] = found.visibility[i];
         }
@@ -106,7 +111,7 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         store(out.radiance, i, s.power * profile);
         out.distance[i] = infinite;
         out.pdf[i] = query.bounce[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
-        out.is_delta[i] = is_delta;
+        out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility);
         out.casts_shadow[i] = uint8_t(s.casts_shadow);
         out.visibility[i] = s.visibility;
         store({wo[0], wo[1], wo[2]}, i, -wi);

@@ -111,7 +111,9 @@ TEST(Programs, SkyWithSun) {
             if (!(s.pdf[i] > 0)) continue;
             float w[3] = {s.wx[i], s.wy[i], s.wz[i]}, pdf = 0;
             pdf_background(*sky.table, {w, w + 1, w + 2}, 1, &pdf);
-            if (inside) EXPECT_NEAR(pdf, s.pdf[i], 1e-3f * s.pdf[i]);
+            if (inside) {
+                EXPECT_NEAR(pdf, s.pdf[i], 1e-3f * s.pdf[i]);
+            }
             const double x = double(s.r[i]) * double(std::max(s.wi(i).z, 0.0f)) / double(s.pdf[i]);
             irradiance += x;
             squares += x * x;

@@ -250,6 +250,9 @@ TEST(ClosedForms, PointSpotAndSun) {
         {"spot in 3.4", 304, LightType::Spot, [&](Light& l) { turned(l, 10); }, intensity / 100 * std::cos(10 * M_PI / 180)},
         {"sun", 502, LightType::Sun, [&](Light& l) { turned(l, 60), l.power = 1; }, 0.5 / M_PI},
         {"disc of a sun", 502, LightType::Sun, [](Light& l) { l.power = 1, l.sun_angle = 10 * kDegree; }, 1 / M_PI},
+        // Rays that may not hit a lamp leave all of its light to the light samples.
+        {"wide sun without MIS", 502, LightType::Sun, [](Light& l) { l.power = 1, l.sun_angle = 120 * kDegree, l.use_mis = false; }, 1 / M_PI},
+        {"sphere without MIS", 502, LightType::Point, [](Light& l) { l.radius = 5, l.soft_falloff = false, l.use_mis = false; }, intensity / 100},
         // E / (pi tan^2 h) / cos^3 t over the disc: 2 (1 / cos h - 1) / tan^2 h.
         {"disc of a sun in 3.4", 304, LightType::Sun, [](Light& l) { l.power = 1, l.sun_angle = 10 * kDegree; },
          2 * (1 / std::cos(h) - 1) / (std::tan(h) * std::tan(h)) / M_PI},
