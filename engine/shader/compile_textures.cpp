@@ -265,10 +265,29 @@ void compile_gradient(NodeContext& n) {
     n.set_color("Color", n.e.spread(fac));
 }
 
+void compile_gabor(NodeContext& n) {
+    Expressions& e = n.e;
+    const bool flat = n.choice("gabor_type", {"2D", "3D"}) == 0;
+    const Value3 p = e.mul(n.texture_vector(), n.value("Scale", 5));
+    const Value zero = e.literal(0);
+    Value3 orientation{zero, zero, zero};
+    if (flat)
+        orientation.x = n.value("Orientation 2D", 0.25f * kPi);
+    else
+        orientation = e.normalize(n.vector("Orientation 3D", {1, 1, 0}));
+    const Value z = flat ? zero : p.z;
+    const Value out =
+        e.emit(Op::Gabor, flat ? 2 : 3, {p.x, p.y, z, n.value("Frequency", 2), n.value("Anisotropy", 1), orientation.x, orientation.y, orientation.z}, 3);
+    n.set("Value", out);
+    n.set("Phase", e.after(out, 1));
+    n.set("Intensity", e.after(out, 2));
+}
+
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeTexNoise", compile_noise},     {"ShaderNodeTexMusgrave", compile_musgrave}, {"ShaderNodeTexWhiteNoise", compile_white_noise},
     {"ShaderNodeTexVoronoi", compile_voronoi}, {"ShaderNodeTexWave", compile_wave},         {"ShaderNodeTexMagic", compile_magic},
     {"ShaderNodeTexBrick", compile_brick},     {"ShaderNodeTexChecker", compile_checker},   {"ShaderNodeTexGradient", compile_gradient},
+    {"ShaderNodeTexGabor", compile_gabor},
 };
 
 }  // namespace

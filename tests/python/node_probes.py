@@ -16,6 +16,7 @@ Build = Callable[[Any], Any]
 Probe = tuple[str, Build]
 
 VECTORS = {"a": (0.37, 0.61, 0.23), "b": (-1.7, 2.3, 5.1), "c": (13.9, -8.4, 0.05)}
+GABOR_ORIENTATIONS = {"2D": 2.1, "3D": (0.4, -1.1, 0.7)}
 
 
 def number(tree: Any, value: float) -> Any:
@@ -179,6 +180,9 @@ def patterns(name: str, v: tuple[float, ...]) -> Iterator[Probe]:
         yield f"gradient/{kind}/{name}", node("ShaderNodeTexGradient", {}, "Fac", v, gradient_type=kind)
     for kind in ("2D", "3D"):
         yield f"gabor/{kind}/{name}", node("ShaderNodeTexGabor", {"Scale": 1.3}, "Value", v, gabor_type=kind)
+        inputs = {"Scale": 0.8, "Frequency": 1.7, "Anisotropy": 0.35, f"Orientation {kind}": GABOR_ORIENTATIONS[kind]}
+        for output in ("Value", "Phase", "Intensity"):
+            yield f"gabor/{kind}/{output}/{name}", node("ShaderNodeTexGabor", inputs, output, v, gabor_type=kind)
     for output in range(4):
         inputs = {"Sides": 5.5, "Roundness": 0.3}
         yield f"radialtiling/{output}/{name}", node("ShaderNodeRadialTiling", inputs, output, v)

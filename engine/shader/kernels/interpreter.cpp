@@ -102,6 +102,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Voronoi:
                 op_voronoi(i, r, n);
                 break;
+            case Op::Gabor:
+                op_gabor(i, r, n);
+                break;
             case Op::WhiteNoise:
                 op_white_noise(i, r, n);
                 break;

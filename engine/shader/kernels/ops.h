@@ -50,6 +50,7 @@ void op_image(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_noise(const Instruction& i, Registers r, int n);
 void op_signed_noise(const Instruction& i, Registers r, int n);
 void op_voronoi(const Instruction& i, Registers r, int n);
+void op_gabor(const Instruction& i, Registers r, int n);
 void op_white_noise(const Instruction& i, Registers r, int n);
 void op_wave(const Instruction& i, Registers r, int n);
 void op_magic(const Instruction& i, Registers r, int n);

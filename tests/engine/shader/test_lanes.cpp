@@ -185,6 +185,14 @@ std::vector<GraphBuilder> varying_graphs() {
             return g.out(n.link("W", F, g.position()).id(), "Color", C);
         });
     }
+    for (const char* d : {"2D", "3D"}) {
+        for (const float anisotropy : {1.0f, 0.3f}) {
+            add([&](GraphBuilder& g) {
+                NodeBuilder n = g.node("ShaderNodeTexGabor").link("Vector", V, scaled(g)).text("gabor_type", d).set("Scale", 0.4f);
+                return g.out(n.set("Anisotropy", anisotropy).id(), "Value", F);
+            });
+        }
+    }
     for (const char* type : {"ShaderNodeTexWave", "ShaderNodeTexMagic", "ShaderNodeTexBrick", "ShaderNodeTexChecker", "ShaderNodeTexGradient"})
         add([&](GraphBuilder& g) { return g.out(g.node(type).link("Vector", V, scaled(g)).set("Scale", 0.3f).set("Distortion", 0.7f).id(), "Color", C); });
     for (const char* op : {"POWER", "LOGARITHM", "SINE", "ARCTAN2", "WRAP", "PINGPONG", "SMOOTH_MIN", "TANH", "MODULO"}) {
