@@ -93,13 +93,14 @@ TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* 
     return c;
 }
 
-/// Adds s.slot_f towards s.wi to the diffuse or glossy part (s.f_diffuse, s.f_glossy): what stays on the viewer's side is one of the two, what
-/// crosses is transmission.
+/// Adds s.slot_f towards s.wi to the diffuse or glossy part (s.f_diffuse, s.f_glossy). What is neither is transmission: all that crosses but for diffuse
+/// lobes, which translucency is one of.
 TALBOT_INLINE void add_shares(SpanScratch& s, const ClosureSlot& slot, const ClosureGeometry& geometry) {
-    const Columns3 part = slot.lobe == LobeKind::Diffuse ? s.f_diffuse : s.f_glossy;
+    const bool diffuse = slot.lobe == LobeKind::Diffuse;
+    const Columns3 part = diffuse ? s.f_diffuse : s.f_glossy;
     for (int i = 0; i < s.span.n; ++i) {
-        const float same_side = dot(load(s.wi, i), load(geometry.ns, i)) > 0.0f ? 1.0f : 0.0f;
-        store(part, i, load(part, i) + load(s.slot_f, i) * same_side);
+        const float counts = diffuse || dot(load(s.wi, i), load(geometry.ns, i)) > 0.0f ? 1.0f : 0.0f;
+        store(part, i, load(part, i) + load(s.slot_f, i) * counts);
     }
 }
 

@@ -76,9 +76,24 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         for (Columns3 sum : sums) fill(sum.x, span.n, 0.0f), fill(sum.y, span.n, 0.0f), fill(sum.z, span.n, 0.0f);
         for (const ClosureSlot& slot : program.slots) {
             if (slot.lobe == LobeKind::None || slot.lobe == LobeKind::Transparent) continue;
-            closure_albedo(slot, slot_columns(slot, s.registers), geometry, span.n, s.rgb);
+            const ClosureColumns columns = slot_columns(slot, s.registers);
             const Columns3 sum = sums[slot.lobe == LobeKind::Diffuse ? 0 : slot.lobe == LobeKind::Glossy ? 1 : 2];
-            for (int i = 0; i < span.n; ++i) store(sum, i, load(sum, i) + load(s.rgb, i));
+            // Before 4.0 the glossy colour is the closure's weight: Fresnel is part of the light.
+            const bool weight_only = slot.lobe == LobeKind::Glossy && context.settings->version < 400;
+            const ConstColumns3 color = weight_only ? columns.weight : ConstColumns3{s.rgb.x, s.rgb.y, s.rgb.z};
+            if (!weight_only) closure_albedo(slot, columns, geometry, span.n, s.rgb);
+            if (slot.type == ClosureType::MicrofacetGlass) {
+                // What it reflects is glossy: its albedo without the transmission tint.
+                ClosureColumns reflecting = columns;
+                fill(s.tmp2, span.n, 0.0f);
+                for (int k = 8; k < 11; ++k) reflecting.params[k] = s.tmp2;
+                closure_albedo(slot, reflecting, geometry, span.n, s.tmp3);
+                for (int i = 0; i < span.n; ++i) {
+                    store(sums[1], i, load(sums[1], i) + load(s.tmp3, i));
+                    store(s.rgb, i, load(s.rgb, i) - load(s.tmp3, i));
+                }
+            }
+            for (int i = 0; i < span.n; ++i) store(sum, i, load(sum, i) + load(color, i));
         }
         auto throughput = [&](int i) { return load(s.throughput, i); };
         weigh([](int) { return 1.0f; });  // colours carry their own weights

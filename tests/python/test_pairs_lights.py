@@ -1,0 +1,220 @@
+"""Lamps, emitting meshes and worlds light the same scene in Cycles and in Talbot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from pair_scenes import (
+    add_box,
+    add_lamp,
+    add_mesh,
+    add_plane,
+    add_sphere,
+    diffuse,
+    glow,
+    image_of,
+    look_at,
+    look_down,
+    material,
+    node_tree,
+    set_world,
+)
+from pairs import Bounds, agree
+
+Lamps = list[Callable[[tuple[float, float]], Any]]
+
+
+def lamp(kind: str, energy: float, height: float = 0.6, **values: Any) -> Callable[[tuple[float, float]], Any]:
+    """A lamp in the middle of a cell; `lean` tilts it, `rescale` scales the object."""
+    lean, scale = values.pop("lean", (0.0, 0.0, 0.0)), values.pop("rescale", (1.0, 1.0, 1.0))
+
+    def add(middle: tuple[float, float]) -> Any:
+        obj = add_lamp(kind, energy, (*middle, height), **values)
+        obj.rotation_euler, obj.scale = lean, scale
+        return obj
+
+    return add
+
+
+CELLS: dict[str, Lamps] = {
+    "points": [
+        lamp("POINT", 10, shadow_soft_size=0.0),
+        lamp("POINT", 10, shadow_soft_size=0.1),
+        lamp("POINT", 10, shadow_soft_size=0.3, color=(1.0, 0.3, 0.1)),
+        lamp("POINT", 10, shadow_soft_size=0.1, rescale=(2.0, 0.5, 3.0)),
+    ],
+    "spots": [
+        lamp("SPOT", 30, spot_size=0.8, spot_blend=0.0, shadow_soft_size=0.0),
+        lamp("SPOT", 30, spot_size=1.2, spot_blend=1.0, shadow_soft_size=0.02),
+        lamp("SPOT", 30, spot_size=1.0, spot_blend=0.3, shadow_soft_size=0.1, lean=(0.5, 0.3, 0.0)),
+        lamp("SPOT", 30, spot_size=3.0, spot_blend=0.15, shadow_soft_size=0.05, rescale=(2.0, 0.7, 1.0)),
+    ],
+    "areas": [
+        lamp("AREA", 5, shape="SQUARE", size=0.3),
+        lamp("AREA", 5, shape="RECTANGLE", size=0.6, size_y=0.2, lean=(0.4, 0.0, 0.0)),
+        lamp("AREA", 5, shape="DISK", size=0.5),
+        lamp("AREA", 5, shape="ELLIPSE", size=0.6, size_y=0.3, lean=(0.0, 0.4, 0.7)),
+    ],
+    "area spread": [
+        lamp("AREA", 3, shape="SQUARE", size=0.3, spread=1.5),
+        lamp("AREA", 3, shape="RECTANGLE", size=0.5, size_y=0.2, spread=0.7, rescale=(1.5, 0.5, 1.0)),
+        lamp("AREA", 3, shape="DISK", size=0.4, spread=2.5),
+        lamp("AREA", 2, shape="ELLIPSE", size=0.4, size_y=0.2, spread=0.6),
+    ],
+}
+
+
+def rooms(scene: Any, lamps: Lamps) -> None:
+    """Four rooms with black walls, a lamp and a small box in each."""
+    look_down(scene, 2.0)
+    grey, black = diffuse(), diffuse(0.0)
+    add_plane(grey, 2.0)
+    for number, add in enumerate(lamps):
+        middle = (number % 2 - 0.5, number // 2 - 0.5)
+        add(middle)
+        add_box(grey, (0.2, 0.2, 0.2), location=(middle[0] + 0.25, middle[1] + 0.2, 0.1))
+    for wall in (((-1, 0, 0), (1, 0, 0), (1, 0, 2), (-1, 0, 2)), ((0, -1, 0), (0, 1, 0), (0, 1, 2), (0, -1, 2))):
+        add_mesh(wall, [(0, 1, 2, 3)], black)
+
+
+@pytest.mark.parametrize("kind", CELLS)
+def test_lamps(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    rooms(pair_scene, CELLS[kind])
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, samples=128 if kind == "area spread" else 32, bounds=Bounds(0.02, 0.08))
+
+
+def test_lamps_with_bounces(pair_scene: Any, tmp_path: Path) -> None:
+    rooms(pair_scene, [CELLS[kind][1] for kind in CELLS])
+    pair_scene.cycles.max_bounces = 2
+    agree(pair_scene, tmp_path, samples=128, bounds=Bounds(0.02, 0.08))
+
+
+def test_lamps_that_the_camera_and_mirrors_see(pair_scene: Any, tmp_path: Path) -> None:
+    """A point, a spot, a disk and a rectangle over a mirror; one of them is hidden from the camera."""
+    mirror = material(lambda tree: tree("BsdfGlossy", Roughness=0.0))
+    look_at(pair_scene, (0.0, -4.0, 2.0), (0.0, 0.0, 0.5), 40.0)
+    add_plane(mirror, 6.0)
+    lamps = [
+        add_lamp("POINT", 20, (-1.2, 0.0, 1.0), shadow_soft_size=0.3),
+        add_lamp("SPOT", 20, (-0.4, 0.0, 1.0), toward=(-0.4, -4.0, 1.0), shadow_soft_size=0.2),
+        add_lamp("AREA", 10, (0.4, 0.0, 1.0), toward=(0.4, -4.0, 1.0), shape="DISK", size=0.5),
+        add_lamp("AREA", 10, (1.2, 0.0, 1.0), toward=(1.2, -4.0, 1.0), shape="RECTANGLE", size=0.5, size_y=0.3),
+    ]
+    for obj in lamps:
+        obj.visible_camera = obj is not lamps[2]
+    agree(pair_scene, tmp_path, bounds=Bounds(0.01, 0.08))
+
+
+@pytest.mark.parametrize("option", ["", "no shadow", "no MIS"])
+def test_lamp_options(pair_scene: Any, tmp_path: Path, option: str) -> None:
+    """On glossy and matt ground, where sampling the light and the surface share the work."""
+    options: dict[str, Any] = {}
+    if option == "no shadow":
+        # 5.0 keeps the switch in the lamp, 3.4 with Cycles.
+        options = {"use_shadow": False, "cycles_cast_shadow": False}
+    elif option == "no MIS":
+        options = {"cycles_use_multiple_importance_sampling": False}
+    lamps = [
+        lamp("AREA", 5, shape="SQUARE", size=0.4, **options),
+        lamp("POINT", 10, shadow_soft_size=0.2, **options),
+        lamp("SPOT", 20, shadow_soft_size=0.2, spot_size=2.0, **options),
+        lamp("AREA", 5, shape="ELLIPSE", size=0.4, size_y=0.3, **options),
+    ]
+    rooms(pair_scene, lamps)
+    glossy = material(lambda tree: tree("BsdfGlossy", Roughness=0.4))
+    add_plane(glossy, 2.0, location=(0.0, 0.0, 0.01))
+    pair_scene.cycles.max_bounces = 1
+    agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
+
+
+def test_lamp_nodes(pair_scene: Any, tmp_path: Path) -> None:
+    """Light Output with colours that depend on the direction."""
+    lamps = [
+        lamp("POINT", 10, shadow_soft_size=0.1),
+        lamp("SPOT", 30, spot_size=1.5),
+        lamp("AREA", 5, shape="SQUARE", size=0.3),
+        lamp("AREA", 5, shape="DISK", size=0.3, spread=2.0),
+    ]
+    rooms(pair_scene, lamps)
+    for light in bpy.data.lights:
+        tree = node_tree(light)
+        checker = tree("TexChecker", Vector=tree("TexCoord").outputs["Normal"], Color1=(1, 0.2, 0.1), Scale=3.0)
+        emission = tree("Emission", Color=checker.outputs["Color"], Strength=1.5)
+        tree("OutputLight", Surface=emission)
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, 1.5])
+def test_sun(pair_scene: Any, tmp_path: Path, angle: float) -> None:
+    """Half of the ground is glossy and sees the disc."""
+    look_at(pair_scene, (0.0, -4.0, 3.0))
+    add_plane(diffuse(), 6.0)
+    add_plane(material(lambda tree: tree("BsdfGlossy", Roughness=0.3)), 2.0, location=(1.0, 0.0, 0.01))
+    add_box(diffuse((0.8, 0.4, 0.2)), (0.7, 0.7, 1.0), location=(-0.6, 0.3, 0.5))
+    add_lamp("SUN", 3.0, (2.0, 3.0, 4.0), toward=(0, 0, 0), angle=angle, color=(1.0, 0.9, 0.7))
+    pair_scene.cycles.max_bounces = 1
+    agree(pair_scene, tmp_path)
+
+
+def test_emitting_meshes(pair_scene: Any, tmp_path: Path) -> None:
+    """A ball, a panel seen from its back, a textured panel, and one that is too weak for light sampling."""
+    look_at(pair_scene, (0.0, -5.0, 3.0))
+    add_plane(diffuse(), 6.0)
+    add_sphere(glow((1.0, 0.5, 0.2), 4.0), 0.3, segments=12, location=(-1.0, 0.0, 0.6))
+    add_plane(glow(1.0, 3.0), 0.6, location=(0.6, 0.3, 0.8), rotation=(0.4, 0.3, 0.0))
+    checkered = material(lambda t: t("Emission", Color=t("TexChecker", Scale=4.0).outputs["Color"], Strength=5.0))
+    add_plane(checkered, 0.6, location=(1.2, -0.4, 0.3), rotation=(1.2, 0.0, 0.9))
+    add_sphere(glow((0.2, 0.5, 1.0), 0.3), 0.3, segments=12, location=(0.0, -0.8, 0.3))
+    pair_scene.cycles.max_bounces = 2
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.08))
+
+
+def open_ground(scene: Any) -> None:
+    """A ball, a mirror ball and a box on the ground under the sky."""
+    look_at(scene, (0.0, -5.0, 2.0), (0.0, 0.0, 0.6), 30.0)
+    add_plane(diffuse(), 20.0)
+    add_sphere(diffuse((0.8, 0.3, 0.2)), 0.6, location=(-1.0, 0.0, 0.6))
+    add_sphere(material(lambda tree: tree("BsdfGlossy", Roughness=0.0)), 0.6, location=(1.0, 0.0, 0.6))
+    add_box(material(lambda tree: tree("BsdfGlossy", Roughness=0.5)), location=(0.0, 1.5, 0.5))
+    scene.cycles.max_bounces = 2
+
+
+def test_world_colour(pair_scene: Any, tmp_path: Path) -> None:
+    open_ground(pair_scene)
+    set_world(pair_scene, (0.3, 0.5, 0.9))
+    agree(pair_scene, tmp_path)
+
+
+def sky_image() -> Any:
+    """A horizon, a bright patch and a dim one."""
+    height, width = 32, 64
+    pixels = np.ones((height, width, 4))
+    up = (np.arange(height) + 0.5) / height
+    pixels[..., 0], pixels[..., 1], pixels[..., 2] = 0.3, 0.2 + 0.2 * up[:, None], 0.2 + 0.6 * up[:, None]
+    pixels[22:24, 40:43, :3] = (40, 30, 20)
+    pixels[18:26, 8:12, :3] = (0, 3, 5)
+    return image_of(pixels)
+
+
+@pytest.mark.parametrize("method", ["MANUAL", "NONE"])
+def test_hdri(pair_scene: Any, tmp_path: Path, method: str) -> None:
+    open_ground(pair_scene)
+    world = set_world(pair_scene, build=lambda tree: tree("TexEnvironment", image=sky_image()))
+    world.cycles.sampling_method = method
+    bounds = Bounds(0.05, 0.2) if method == "NONE" else Bounds(0.01, 0.06)
+    agree(pair_scene, tmp_path, samples=128, bounds=bounds)
+
+
+def test_world_visibility(pair_scene: Any, tmp_path: Path) -> None:
+    """The sky that mirrors do not show, and that the camera sees."""
+    open_ground(pair_scene)
+    world = set_world(pair_scene, (0.3, 0.5, 0.9))
+    world.cycles_visibility.glossy = False
+    agree(pair_scene, tmp_path)
