@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from . import final, native, passes, preview, reports, viewport
-from .properties import unregister_class
+from .properties import register_classes, unregister_classes
 
 
 class EngineState:
@@ -127,9 +127,9 @@ class TalbotRenderEngine(bpy.types.RenderEngine):
 
 def register() -> None:
     """Adds the engine to Blender's list."""
-    bpy.utils.register_class(TalbotRenderEngine)
+    register_classes((TalbotRenderEngine,))
 
 
 def unregister() -> None:
     """Blender frees live engines by itself; their finalizers stop the native work."""
-    unregister_class(TalbotRenderEngine)
+    unregister_classes((TalbotRenderEngine,))

@@ -163,8 +163,7 @@ _CLASSES = (TalbotSceneSettings, TALBOT_OT_copy_cycles_settings, TALBOT_OT_clear
 
 def register() -> None:
     """Adds `Scene.talbot` and the operators."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes(_CLASSES)
     bpy.types.Scene.talbot = bpy.props.PointerProperty(type=TalbotSceneSettings)
     if _on_load not in bpy.app.handlers.load_post:
         bpy.app.handlers.load_post.append(_on_load)
@@ -176,13 +175,19 @@ def unregister() -> None:
         bpy.app.handlers.load_post.remove(_on_load)
     if hasattr(bpy.types.Scene, "talbot"):
         del bpy.types.Scene.talbot
-    for cls in reversed(_CLASSES):
-        unregister_class(cls)
+    unregister_classes(_CLASSES)
 
 
-def unregister_class(cls: type) -> None:
-    """Unregisters a class that may be gone already (reloaded scripts, exit)."""
-    try:
-        bpy.utils.unregister_class(cls)
-    except RuntimeError:
-        return
+def register_classes(classes: tuple[type, ...]) -> None:
+    """In their order: a panel's parent comes before it."""
+    for cls in classes:
+        bpy.utils.register_class(cls)
+
+
+def unregister_classes(classes: tuple[type, ...]) -> None:
+    """Unregisters classes of which some may be gone already (reloaded scripts, exit)."""
+    for cls in reversed(classes):
+        try:
+            bpy.utils.unregister_class(cls)
+        except RuntimeError:
+            continue

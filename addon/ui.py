@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from . import native, reports
-from .properties import TALBOT_OT_clear_settings, TALBOT_OT_copy_cycles_settings, unregister_class
+from .properties import TALBOT_OT_clear_settings, TALBOT_OT_copy_cycles_settings, register_classes, unregister_classes
 
 ENGINE = "TALBOT"
 
@@ -332,11 +332,9 @@ CLASSES = (
 
 def register() -> None:
     """Adds the panels."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes(CLASSES)
 
 
 def unregister() -> None:
     """Tolerant of having been called before."""
-    for cls in reversed(CLASSES):
-        unregister_class(cls)
+    unregister_classes(CLASSES)

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .properties import unregister_class
+from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 
 
@@ -280,11 +280,9 @@ CLASSES = (
 
 def register() -> None:
     """Adds the panels."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    register_classes(CLASSES)
 
 
 def unregister() -> None:
     """Tolerant of having been called before."""
-    for cls in reversed(CLASSES):
-        unregister_class(cls)
+    unregister_classes(CLASSES)

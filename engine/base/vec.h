@@ -85,6 +85,11 @@ TALBOT_INLINE float max_component(Vec3 a) {
 TALBOT_INLINE float mean(Vec3 a) {
     return (a.x + a.y + a.z) * (1.0f / 3.0f);
 }
+TALBOT_INLINE bool is_finite(Vec3 v) {
+    // x - x is NaN for infinities and NaN.
+    const float zero = (v.x - v.x) + (v.y - v.y) + (v.z - v.z);
+    return zero == 0.0f;
+}
 TALBOT_INLINE float square(float x) {
     return x * x;
 }

@@ -16,9 +16,6 @@ Vec3 any_unit(Vec3 v, Vec3 fallback) {
     const Vec3 n = normalize(v);
     return dot(n, n) > 0.5f ? n : fallback;
 }
-bool is_finite(Vec3 v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
 
 /// Emission of the lamp's own shader: a constant factor, or a program to run (`shader` >= 0) and its estimate.
 struct LampShader {

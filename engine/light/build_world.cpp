@@ -35,22 +35,35 @@ Vec3 beside_sun(const WorldMap& map, Vec3 d) {
     return moved * (1 / std::sqrt(dot(moved, moved)));
 }
 
+/// What evaluating one span of the background takes.
+struct SpanMemory {
+    std::vector<float> registers, columns, buffer;
+    LightScratch scratch;
+    Columns3 direction, radiance;
+
+    explicit SpanMemory(const shader::Programs& programs)
+        : registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan), buffer(size_t(6 * kSpan)) {
+        scratch.registers = registers.data();
+        scratch.columns = columns.data();
+        float* b = buffer.data();
+        direction = {b, b + kSpan, b + 2 * kSpan};
+        radiance = {b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+    }
+    SpanMemory(const SpanMemory&) = delete;
+    SpanMemory& operator=(const SpanMemory&) = delete;
+};
+
 /// Mean luminance (mean of channels) over the sun's disc.
 float disc_mean(const shader::Programs& programs, const shader::ShaderContext& context, scene::Handle handle, const WorldMap& map) {
     constexpr int kRings = 8, kSpokes = 8, kCount = kRings * kSpokes;
-    std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
-    std::vector<float> buffer(size_t(6 * kSpan));
-    LightScratch scratch;
-    scratch.registers = registers.data();
-    scratch.columns = columns.data();
-    float* b = buffer.data();
-    const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+    SpanMemory memory(programs);
+    const Columns3 &direction = memory.direction, &radiance = memory.radiance;
     for (int i = 0; i < kCount; ++i) {
         const float drop = (float(i / kSpokes) + 0.5f) / kRings * map.sun_one_minus_cos, radius = std::sqrt(drop * (2 - drop));
         const float angle = float(2 * M_PI) * (float(i % kSpokes) + 0.5f) / kSpokes;
         store(direction, i, map.sun * (1 - drop) + map.sun_x * (radius * std::cos(angle)) + map.sun_y * (radius * std::sin(angle)));
     }
-    evaluate_background(programs, context, scratch, handle, direction, nullptr, kCount, radiance);
+    evaluate_background(programs, context, memory.scratch, handle, direction, nullptr, kCount, radiance);
     double sum = 0;
     for (int i = 0; i < kCount; ++i) sum += double(maxf(mean(load(radiance, i)), 0.0f));
     return float(sum / kCount);
@@ -167,20 +180,15 @@ float add_world(const scene::Scene& scene, const shader::Programs& programs, con
     const int fine_width = 2 * width, fine_height = 2 * height;
     std::vector<float> fine(size_t(fine_width) * size_t(fine_height));
     pool.parallel_for(size_t(fine_height), 8, [&](size_t begin, size_t end, int) {
-        std::vector<float> registers(size_t(std::max(programs.max_registers, 3)) * kSpan), columns(size_t(kLightScratchColumns) * kSpan);
-        std::vector<float> buffer(size_t(6 * kSpan));
-        LightScratch scratch;
-        scratch.registers = registers.data();
-        scratch.columns = columns.data();
-        float* b = buffer.data();
-        const Columns3 direction{b, b + kSpan, b + 2 * kSpan}, radiance{b + 3 * kSpan, b + 4 * kSpan, b + 5 * kSpan};
+        SpanMemory memory(programs);
+        const Columns3 &direction = memory.direction, &radiance = memory.radiance;
         for (size_t row = begin; row < end; ++row) {
             if (cancel && cancel->load()) throw Cancelled{};
             for (int x0 = 0; x0 < fine_width; x0 += kSpan) {
                 const int n = std::min(kSpan, fine_width - x0);
                 const float v = (float(row) + 0.5f) / float(fine_height);
                 for (int i = 0; i < n; ++i) store(direction, i, beside_sun(map, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v)));
-                evaluate_background(programs, context, scratch, handle, direction, nullptr, n, radiance);
+                evaluate_background(programs, context, memory.scratch, handle, direction, nullptr, n, radiance);
                 for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
             }
         }

@@ -54,6 +54,15 @@ Vec3 optional_vector(ArrayDict& arrays, const char* name, Vec3 fallback) {
     return {py::cast<float>(items[0]), py::cast<float>(items[1]), py::cast<float>(items[2])};
 }
 
+/// What a MeshInput and a StrandInput have alike.
+void read_common(ArrayDict& arrays, auto& input) {
+    read_attributes(arrays, input.attributes);
+    input.active_uv = optional_text(arrays, "active_uv");
+    input.active_color = optional_text(arrays, "active_color");
+    input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);
+    input.generated_scale = optional_vector(arrays, "generated_scale", input.generated_scale);
+}
+
 CurveShape read_shape(const std::string& text) {
     if (text == "ribbon") return CurveShape::Ribbon;
     if (text == "thick") return CurveShape::Thick;
@@ -74,11 +83,7 @@ std::shared_ptr<const Mesh> read_strands(NativeSession& native, const std::strin
     if (!shape.empty()) input.shape = read_shape(shape);
     const py::object subdivisions = arrays.value("curve_subdivisions");
     if (!subdivisions.is_none()) input.subdivisions = py::cast<int>(subdivisions);
-    read_attributes(arrays, input.attributes);
-    input.active_uv = optional_text(arrays, "active_uv");
-    input.active_color = optional_text(arrays, "active_color");
-    input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);
-    input.generated_scale = optional_vector(arrays, "generated_scale", input.generated_scale);
+    read_common(arrays, input);
     arrays.finish("A mesh of curves or points");
     const py::gil_scoped_release released;
     return std::make_shared<const Mesh>(build_strands(input, native.session.report()));
@@ -100,11 +105,7 @@ std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& 
     input.face_smooth = arrays.get<uint8_t>("face_smooth", 1);
     input.vertex_normals = arrays.get<float>("vertex_normals", 3);
     input.corner_normals = arrays.get<float>("corner_normals", 3);
-    read_attributes(arrays, input.attributes);
-    input.active_uv = optional_text(arrays, "active_uv");
-    input.active_color = optional_text(arrays, "active_color");
-    input.generated_offset = optional_vector(arrays, "generated_offset", input.generated_offset);
-    input.generated_scale = optional_vector(arrays, "generated_scale", input.generated_scale);
+    read_common(arrays, input);
     arrays.finish("A mesh");
     const py::gil_scoped_release released;
     return std::make_shared<const Mesh>(build_mesh(input, native.session.report()));

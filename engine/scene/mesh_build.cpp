@@ -9,8 +9,12 @@
 namespace talbot::scene {
 namespace {
 
+std::string owner_of(const MeshInput& input) {
+    return "Mesh '" + input.name + "'";
+}
+
 Error mesh_error(const MeshInput& input, const std::string& what) {
-    return Error(what, "Mesh '" + input.name + "'");
+    return Error(what, owner_of(input));
 }
 
 /// [IEC 61966-2-1]
@@ -23,10 +27,12 @@ std::array<float, 256> make_srgb_table() {
     return table;
 }
 
+void check_length(const std::string& owner, size_t have, size_t want, const std::string& what) {
+    if (have != 0 && have != want) throw Error(what + " has " + std::to_string(have) + " elements instead of " + std::to_string(want), owner);
+}
+
 void check_length(const MeshInput& input, size_t have, size_t want, const char* what) {
-    if (have != 0 && have != want) {
-        throw mesh_error(input, std::string(what) + " has " + std::to_string(have) + " elements instead of " + std::to_string(want));
-    }
+    check_length(owner_of(input), have, want, what);
 }
 
 void check_below(const MeshInput& input, std::span<const uint32_t> indices, size_t bound, const char* what) {
@@ -34,10 +40,6 @@ void check_below(const MeshInput& input, std::span<const uint32_t> indices, size
     if (largest != indices.end() && *largest >= bound) {
         throw mesh_error(input, std::string(what) + " has an index " + std::to_string(*largest) + " beyond " + std::to_string(bound));
     }
-}
-
-bool finite(Vec3 v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 /// Twice the area's vector in double precision: neither tiny nor huge faces under- or overflow.
@@ -59,35 +61,11 @@ std::vector<Vec3> copy_vectors(std::span<const float> floats) {
     return out;
 }
 
-Attribute copy_attribute(const MeshInput& input, const MeshInputAttribute& from, size_t elements) {
-    Attribute out;
-    out.name = from.name;
-    out.domain = from.domain;
-    out.is_color = from.is_color;
-    if (!from.bytes.empty()) {
-        check_length(input, from.bytes.size() / 4, elements, from.name.c_str());
-        out.components = 4;
-        out.data.resize(from.bytes.size());
-        for (size_t i = 0; i < from.bytes.size(); ++i) out.data[i] = i % 4 == 3 ? float(from.bytes[i]) / 255.0f : linear_of_srgb_byte(from.bytes[i]);
-        return out;
-    }
-    if (from.components < 1 || from.components > 4) throw mesh_error(input, "attribute '" + from.name + "' has an impossible number of components");
-    out.components = uint8_t(from.components);
-    if (from.floats.size() != elements * size_t(from.components)) {
-        throw mesh_error(input, "attribute '" + from.name + "' has " + std::to_string(from.floats.size() / size_t(from.components)) + " elements instead of " +
-                                    std::to_string(elements));
-    }
-    out.data.assign(from.floats.begin(), from.floats.end());
-    // A value that is not finite would spread through whole paths.
-    for (float& v : out.data) v = std::isfinite(v) ? v : 0.0f;
-    return out;
-}
-
 /// A normal that is missing or not finite becomes the geometric one of a triangle that uses it.
 void repair_normals(const Mesh& mesh, const std::vector<uint32_t>& triangle_elements, std::vector<Vec3>& normals) {
     for (size_t i = 0; i < triangle_elements.size(); ++i) {
         Vec3& n = normals[triangle_elements[i]];
-        if (finite(n) && dot(n, n) > 0.25f) continue;
+        if (is_finite(n) && dot(n, n) > 0.25f) continue;
         const uint32_t* v = &mesh.triangle_vertices[i / 3 * 3];
         n = unit_normal(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
     }
@@ -98,6 +76,31 @@ void repair_normals(const Mesh& mesh, const std::vector<uint32_t>& triangle_elem
 float linear_of_srgb_byte(uint8_t byte) {
     static const std::array<float, 256> table = make_srgb_table();
     return table[byte];
+}
+
+Attribute copy_attribute(const MeshInputAttribute& from, size_t elements, const std::string& owner) {
+    Attribute out;
+    out.name = from.name;
+    out.domain = from.domain;
+    out.is_color = from.is_color;
+    if (!from.bytes.empty()) {
+        check_length(owner, from.bytes.size() / 4, elements, from.name);
+        out.components = 4;
+        out.data.resize(from.bytes.size());
+        for (size_t i = 0; i < from.bytes.size(); ++i) out.data[i] = i % 4 == 3 ? float(from.bytes[i]) / 255.0f : linear_of_srgb_byte(from.bytes[i]);
+        return out;
+    }
+    if (from.components < 1 || from.components > 4) throw Error("attribute '" + from.name + "' has an impossible number of components", owner);
+    out.components = uint8_t(from.components);
+    if (from.floats.size() != elements * size_t(from.components)) {
+        throw Error("attribute '" + from.name + "' has " + std::to_string(from.floats.size() / size_t(from.components)) + " elements instead of " +
+                        std::to_string(elements),
+                    owner);
+    }
+    out.data.assign(from.floats.begin(), from.floats.end());
+    // A value that is not finite would spread through whole paths.
+    for (float& v : out.data) v = std::isfinite(v) ? v : 0.0f;
+    return out;
 }
 
 Mesh build_mesh(const MeshInput& input, Report& report) {
@@ -133,7 +136,7 @@ Mesh build_mesh(const MeshInput& input, Report& report) {
     bool has_corners = !input.corner_normals.empty(), has_faces = false;
     for (const MeshInputAttribute& a : input.attributes) {
         const size_t elements = a.domain == Domain::Vertex ? vertices : a.domain == Domain::Corner ? corners : faces;
-        mesh.attributes.push_back(copy_attribute(input, a, elements));
+        mesh.attributes.push_back(copy_attribute(a, elements, owner_of(input)));
         has_corners |= a.domain == Domain::Corner;
         has_faces |= a.domain == Domain::Face;
     }
@@ -150,7 +153,7 @@ Mesh build_mesh(const MeshInput& input, Report& report) {
         const uint32_t* c = &input.triangle_corners[t * 3];
         const uint32_t v[3] = {input.corner_vertices[c[0]], input.corner_vertices[c[1]], input.corner_vertices[c[2]]};
         const Vec3 p[3] = {mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]};
-        if (!finite(p[0]) || !finite(p[1]) || !finite(p[2])) {
+        if (!is_finite(p[0]) || !is_finite(p[1]) || !is_finite(p[2])) {
             ++broken;
             continue;
         }
@@ -174,7 +177,7 @@ Mesh build_mesh(const MeshInput& input, Report& report) {
     if (!any_flat) mesh.triangle_smooth = {};
     if (broken > 0) {
         report.warning(std::to_string(broken) + " triangles have NaN or infinite vertices and are left out", "Mesh '" + input.name + "'");
-        for (Vec3& p : mesh.positions) p = finite(p) ? p : Vec3{};
+        for (Vec3& p : mesh.positions) p = is_finite(p) ? p : Vec3{};
     }
 
     mesh.vertex_normals = copy_vectors(input.vertex_normals);

@@ -41,6 +41,9 @@ struct MeshInput {
 /// sRGB byte -> linear.
 float linear_of_srgb_byte(uint8_t byte);
 
+/// Owned and linear; what is not finite becomes 0, it would spread through whole paths. Throws Error about `owner` when there are not as many elements.
+Attribute copy_attribute(const MeshInputAttribute& from, size_t elements, const std::string& owner);
+
 /// Throws Error (an index out of bounds, an array of a wrong length), naming the mesh. Triangles with NaN or infinite vertices are
 /// dropped with a warning, triangles without area silently: they would trace as nothing.
 Mesh build_mesh(const MeshInput& input, Report& report);

@@ -6,32 +6,12 @@
 namespace talbot::scene {
 namespace {
 
+std::string owner_of(const StrandInput& input) {
+    return "Hair '" + input.name + "'";
+}
+
 [[noreturn]] void fail(const StrandInput& input, const std::string& what) {
-    throw Error(what, "Hair '" + input.name + "'");
-}
-
-bool finite(Vec3 p) {
-    return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
-}
-
-Attribute copy_attribute(const StrandInput& input, const MeshInputAttribute& from, size_t keys, size_t curves) {
-    if (from.components < 1 || from.components > 4) fail(input, "attribute '" + from.name + "' has an impossible number of components");
-    if (from.domain != Domain::Vertex && from.domain != Domain::Face) fail(input, "attribute '" + from.name + "' has a domain that only meshes have");
-    const size_t elements = from.domain == Domain::Vertex ? keys : curves, components = from.bytes.empty() ? size_t(from.components) : 4;
-    const size_t have = from.bytes.empty() ? from.floats.size() : from.bytes.size();
-    if (have != elements * components)
-        fail(input, "attribute '" + from.name + "' has " + std::to_string(have / components) + " elements instead of " + std::to_string(elements));
-    Attribute out;
-    out.name = from.name;
-    out.domain = from.domain;
-    out.is_color = from.is_color;
-    out.components = uint8_t(components);
-    out.data.resize(have);
-    for (size_t i = 0; i < have; ++i) {
-        const float v = from.bytes.empty() ? from.floats[i] : i % 4 == 3 ? float(from.bytes[i]) / 255.0f : linear_of_srgb_byte(from.bytes[i]);
-        out.data[i] = std::isfinite(v) ? v : 0.0f;  // would spread through whole paths
-    }
-    return out;
+    throw Error(what, owner_of(input));
 }
 
 /// Segments of the curves that can be traced.
@@ -96,12 +76,15 @@ Mesh build_strands(const StrandInput& input, Report& report) {
     size_t broken_count = 0;
     for (size_t i = 0; i < keys; ++i) {
         const Vec3 p{input.positions[3 * i], input.positions[3 * i + 1], input.positions[3 * i + 2]};
-        broken[i] = !finite(p) || !std::isfinite(input.radii[i]);
+        broken[i] = !is_finite(p) || !std::isfinite(input.radii[i]);
         mesh.positions[i] = broken[i] ? Vec3{} : p;
         mesh.radii[i] = broken[i] ? 0.0f : std::max(input.radii[i], 0.0f);
         broken_count += broken[i];
     }
-    for (const MeshInputAttribute& a : input.attributes) mesh.attributes.push_back(copy_attribute(input, a, keys, curves));
+    for (const MeshInputAttribute& a : input.attributes) {
+        if (a.domain != Domain::Vertex && a.domain != Domain::Face) fail(input, "attribute '" + a.name + "' has a domain that only meshes have");
+        mesh.attributes.push_back(copy_attribute(a, a.domain == Domain::Vertex ? keys : curves, owner_of(input)));
+    }
     if (points) {
         if (broken_count > 0) drop_points(mesh, broken);
     } else {

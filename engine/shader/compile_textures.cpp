@@ -1,6 +1,6 @@
 // Procedural textures.
+#include "base/hash.h"
 #include "shader/catalogue.h"
-#include "shader/hash.h"
 
 namespace talbot::shader {
 namespace {

@@ -30,6 +30,16 @@ struct SkyAir {
 
 inline constexpr int kSkyWidth = 512, kSkyHeight = 256, kSkyHalfHeight = 128;
 
+/// Both texels of a row with this colour: a sky is the same on either side of the sun. x is in the left half.
+inline void store_mirrored(std::vector<float>& table, int x, int y, Rgb c) {
+    for (const int column : {x, kSkyWidth - 1 - x}) {
+        float* texel = &table[size_t(3 * (y * kSkyWidth + column))];
+        texel[0] = c.x;
+        texel[1] = c.y;
+        texel[2] = c.z;
+    }
+}
+
 /// Radiance, rgb a texel, rows from the lowest elevation.
 std::vector<float> make_sky_table(const SkyAir& air);
 

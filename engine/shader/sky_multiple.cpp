@@ -169,13 +169,7 @@ std::vector<float> multiple_scattering_table(const SkyAir& air) {
                     return sum.v[i] + p.air.v[i] * (air_phase * direct.v[i] + more) + p.aerosol.v[i] * (aerosol_phase * direct.v[i] + more);
                 });
             }
-            const Rgb c = color_of(sum, air.matrix);
-            for (const int column : {x, kSkyWidth - 1 - x}) {
-                float* texel = &table[size_t(3 * (y * kSkyWidth + column))];
-                texel[0] = c.x;
-                texel[1] = c.y;
-                texel[2] = c.z;
-            }
+            store_mirrored(table, x, y, color_of(sum, air.matrix));
         }
     }
     return table;

@@ -137,12 +137,7 @@ std::vector<float> single_scattering_table(const SkyAir& air) {
             const float azimuth = float(2 * M_PI) * float(x) / float(kSkyWidth) - float(M_PI);
             const Vec3 view{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth), std::sin(elevation)};
             const Rgb c = radiance_along(air, spectrum, row, view, sun, std::cos(azimuth) * sun.x) * (fade * fade * fade);
-            for (const int column : {x, kSkyWidth - 1 - x}) {
-                float* texel = &table[size_t(3 * (y * kSkyWidth + column))];
-                texel[0] = c.x;
-                texel[1] = c.y;
-                texel[2] = c.z;
-            }
+            store_mirrored(table, x, y, c);
         }
     }
     return table;

@@ -7,12 +7,6 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
-// x - x is NaN for infinities and NaN.
-TALBOT_INLINE bool is_finite(Vec3 v) {
-    const float zero = (v.x - v.x) + (v.y - v.y) + (v.z - v.z);
-    return zero == 0.0f;
-}
-
 TALBOT_INLINE void add3(float* sum, Vec3 v) {
     sum[0] += v.x;
     sum[1] += v.y;

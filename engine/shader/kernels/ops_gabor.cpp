@@ -5,7 +5,7 @@
 // A packet reaches no farther than 1, a third (2D) or a sixth (3D) of those in the 3^D cells around a point: one loop over the lanes finds who is
 // reached by a packet, another, over the list of these pairs, evaluates them. The pairs of a lane stay in order, so its sum does not
 // depend on the other lanes.
-#include "shader/hash.h"
+#include "base/hash.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {

@@ -1,5 +1,5 @@
 // Perlin noise and its fractal sums, white noise [Perlin 2002, "Improving Noise"; Musgrave et al., "Texturing and Modeling"].
-#include "shader/hash.h"
+#include "base/hash.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {

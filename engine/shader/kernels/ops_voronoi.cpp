@@ -1,7 +1,7 @@
 // Voronoi cells in 1 to 4 dimensions [Worley 1996, "A Cellular Texture Basis Function"; Quilez, "Voronoi borders"].
 //
 // The neighbouring cells are the outer loop, the lanes the inner one: every pass hashes one neighbour of each lane's own cell.
-#include "shader/hash.h"
+#include "base/hash.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {

@@ -174,6 +174,20 @@ struct Span {
     }
 };
 
+/// Shades all hits of the rays; `hit` receives their lanes.
+inline Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
+    hit.clear();
+    for (int i = 0; i < rays.size(); ++i)
+        if (rays.object[size_t(i)] >= 0) hit.push_back(i);
+    Span s(int(hit.size()));
+    for (int i = 0; i < s.span.n; ++i) {
+        const size_t lane = size_t(hit[size_t(i)]);
+        store(s.span.wo, i, -Vec3{rays.d[0][lane], rays.d[1][lane], rays.d[2][lane]});
+    }
+    shade_points(world.tables.view, rays.hits(), rays.columns().origin, hit.data(), s.span.n, s.span, s.error.data());
+    return s;
+}
+
 inline Vec3 random_direction(std::mt19937& random) {
     std::uniform_real_distribution<float> uniform(0, 1);
     const float z = 2 * uniform(random) - 1, phi = 2 * kPi * uniform(random), r = std::sqrt(std::max(0.f, 1 - z * z));

@@ -45,19 +45,6 @@ struct Strands {
 
 constexpr scene::CurveShape kShapes[] = {scene::CurveShape::Ribbon, scene::CurveShape::Thick, scene::CurveShape::ThickLinear};
 
-Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
-    hit.clear();
-    for (int i = 0; i < rays.size(); ++i)
-        if (rays.object[size_t(i)] >= 0) hit.push_back(i);
-    Span s(int(hit.size()));
-    for (int i = 0; i < s.span.n; ++i) {
-        const size_t lane = size_t(hit[size_t(i)]);
-        store(s.span.wo, i, -Vec3{rays.d[0][lane], rays.d[1][lane], rays.d[2][lane]});
-    }
-    shade_points(world.tables.view, rays.hits(), rays.columns().origin, hit.data(), s.span.n, s.span, s.error.data());
-    return s;
-}
-
 /// A bundle of curls whose segments bend by half a radian.
 Strands curls() {
     Strands s;
@@ -71,6 +58,16 @@ Strands curls() {
         s.add(keys, 0.0015f);
     }
     return s;
+}
+
+Rays rays_through_curls(int count, std::mt19937& random) {
+    std::uniform_real_distribution<float> uniform(0, 1);
+    Rays rays;
+    for (int i = 0; i < count; ++i) {
+        const Vec3 d = random_direction(random), at{0.4f * uniform(random), 0.25f * uniform(random), 0.45f * uniform(random)};
+        rays.add(at - d * 2, d);
+    }
+    return rays;
 }
 
 TEST(Strands, StraightFibreIsRound) {
@@ -111,12 +108,7 @@ TEST(Strands, RaysLeaveTheirFibre) {
         Accelerator accelerator;
         accelerator.build(world.view(), {});
         std::mt19937 random(3);
-        std::uniform_real_distribution<float> uniform(0, 1);
-        Rays rays;
-        for (int i = 0; i < 4000; ++i) {
-            const Vec3 d = random_direction(random), at{0.4f * uniform(random), 0.25f * uniform(random), 0.45f * uniform(random)};
-            rays.add(at - d * 2, d);
-        }
+        Rays rays = rays_through_curls(4000, random);
         rays.trace(accelerator, {8, false});
         std::vector<int32_t> hit;
         Span out = shade(world, rays, hit);
@@ -144,12 +136,7 @@ TEST(Strands, EveryWidthHitsTheSame) {
         Accelerator accelerator;
         accelerator.build(world.view(), {});
         std::mt19937 random(5);
-        std::uniform_real_distribution<float> uniform(0, 1);
-        Rays rays;
-        for (int i = 0; i < 1000; ++i) {
-            const Vec3 d = random_direction(random), at{0.4f * uniform(random), 0.25f * uniform(random), 0.45f * uniform(random)};
-            rays.add(at - d * 2, d);
-        }
+        Rays rays = rays_through_curls(1000, random);
         rays.trace(accelerator, {8, false});
         const std::vector<int32_t> primitive = rays.primitive;
         rays.trace(accelerator, {8, false});

@@ -8,20 +8,6 @@
 namespace talbot::geometry {
 namespace {
 
-/// Shades all hits of the rays; `hit` receives their lanes.
-Span shade(const World& world, Rays& rays, std::vector<int32_t>& hit) {
-    hit.clear();
-    for (int i = 0; i < rays.size(); ++i)
-        if (rays.object[size_t(i)] >= 0) hit.push_back(i);
-    Span s(int(hit.size()));
-    for (int i = 0; i < s.span.n; ++i) {
-        const size_t lane = size_t(hit[size_t(i)]);
-        store(s.span.wo, i, -Vec3{rays.d[0][lane], rays.d[1][lane], rays.d[2][lane]});
-    }
-    shade_points(world.tables.view, rays.hits(), rays.columns().origin, hit.data(), s.span.n, s.span, s.error.data());
-    return s;
-}
-
 struct Double3 {
     double x, y, z;
 };

@@ -6,7 +6,7 @@
 
 #include "base/lanes.h"
 
-namespace talbot::shader {
+namespace talbot {
 
 TALBOT_INLINE uint32_t rotate_left(uint32_t x, int k) {
     return (x << k) | (x >> (32 - k));
@@ -146,4 +146,4 @@ TALBOT_INLINE Hash4 pcg_4d(int32_t i, int32_t j, int32_t k, int32_t l) {
     return {detail::pcg_unit(x), detail::pcg_unit(y), detail::pcg_unit(z), detail::pcg_unit(w)};
 }
 
-}  // namespace talbot::shader
+}  // namespace talbot
