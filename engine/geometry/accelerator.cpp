@@ -67,7 +67,8 @@ void check(DeviceState& state, const std::string& where) {
     throw Error("Embree could not build the ray tracing hierarchy: " + text, where);
 }
 
-/// How far the whole build is, in triangles. Embree calls from several threads at once.
+/// How far the whole build is, in triangles. Embree calls from several threads at once, so everything is behind the mutex: then the
+/// end of the last call is known to come before what the builder does next, whatever Embree's scheduler does.
 struct Progress {
     const std::function<bool(double)>* call = nullptr;
     double done = 0, current = 0, total = 1;
@@ -76,17 +77,21 @@ struct Progress {
     std::mutex mutex;
 
     bool report(double fraction_of_current) {
-        if (!*call) return true;
         std::lock_guard lock(mutex);
+        if (!*call) return true;
         last = std::max(last, std::min(1.0, (done + current * std::clamp(fraction_of_current, 0.0, 1.0)) / total));
         if (!cancelled) cancelled = !(*call)(last);
         return !cancelled;
     }
     void begin(double triangles) {
-        current = triangles;
+        {
+            std::lock_guard lock(mutex);
+            current = triangles;
+        }
         if (!report(0)) throw Cancelled{};
     }
     void end() {
+        std::lock_guard lock(mutex);
         done += current;
         current = 0;
     }
@@ -174,8 +179,8 @@ struct Builder {
         rtcSetSceneProgressMonitorFunction(scene, monitor, &progress);
         rtcCommitScene(scene);
         rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
-        check(state, where);
         progress.end();
+        check(state, where);
     }
 };
 

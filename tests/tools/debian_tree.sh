@@ -17,6 +17,8 @@ root=$(cd "$(dirname "$(readlink -f "$0")")/../.." && pwd)
 command -v debootstrap >/dev/null || apt-get install -y -q --no-install-recommends debootstrap
 [ -x "$tree/bin/bash" ] || debootstrap --variant=minbase --include=ca-certificates "$suite" "$tree"
 cp /etc/resolv.conf "$tree/etc/resolv.conf"
+# A mirror may lag behind: sid's lists are good for a week only.
+echo 'Acquire::Check-Valid-Until "false";' > "$tree/etc/apt/apt.conf.d/90mirror-may-lag"
 
 # Brought up to date rather than unpacked anew: untouched files keep their times, so the next build is short.
 clone=$tree/root/talbot
