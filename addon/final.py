@@ -13,8 +13,8 @@ from . import native, passes, reports
 from .sessions import Synced, open_session
 from .sync.context import Interrupted
 
-WAIT_MILLISECONDS = 200
-"""How long a cancel may go unnoticed."""
+WAIT_MILLISECONDS = 50
+"""How long a cancel may go unnoticed: the engine needs a part of the 200 ms for itself."""
 
 LINE_SECONDS = 1.0
 """Least time between two lines on the console of a background render."""

@@ -156,6 +156,7 @@ struct Builder {
     RTCDevice device;
     DeviceState& state;
     Progress& progress;
+    const std::function<void(double)>& before_sort;
 
     /// Primitives in object space, or in world space when `to_world` is given. The mesh outlives the geometry.
     GeometryPtr make(const MeshEntry& entry, const Affine* to_world) {
@@ -176,6 +177,7 @@ struct Builder {
 
     void commit(RTCScene scene, double triangles, const std::string& where) {
         progress.begin(triangles);
+        if (before_sort) before_sort(triangles);
         rtcSetSceneProgressMonitorFunction(scene, monitor, &progress);
         rtcCommitScene(scene);
         rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
@@ -359,7 +361,7 @@ void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& op
     progress.call = &options.progress;
     try {
         state.open(options.threads);
-        Builder builder{state.device.get(), state.device_state, progress};
+        Builder builder{state.device.get(), state.device_state, progress, options.before_sort};
         state.place(builder, tables, options.flatten);
     } catch (const std::bad_alloc&) {
         state.drop_top();

@@ -41,6 +41,8 @@ struct BuildOptions {
     int threads = 0;                                ///< of the build; 0: all. Anything else limits TBB in this process while the accelerator lives
     bool flatten = true;                            ///< false: every object is an instance (interactive edits move it without a rebuild)
     std::function<bool(double fraction)> progress;  ///< false: stop building (throws Cancelled). Called from any thread, one at a time
+    /// Told before every call of Embree that sorts `primitives`, during whose first part nobody asks `progress`: 0.12 s a million on two cores.
+    std::function<void(double primitives)> before_sort;
 };
 
 /// Opaque to everybody else.

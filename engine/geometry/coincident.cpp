@@ -17,6 +17,16 @@ namespace {
 
 constexpr size_t kPollEvery = 1 << 17;
 
+/// job(i) for i < n, with a poll now and then: whoever waits for a mesh of millions may cancel anywhere.
+template <class Job>
+void for_each(size_t n, const std::function<void()>& poll, Job&& job) {
+    for (size_t begin = 0; begin < n; begin += kPollEvery) {
+        poll();
+        const size_t end = std::min(n, begin + kPollEvery);
+        for (size_t i = begin; i < end; ++i) job(i);
+    }
+}
+
 uint64_t mix(uint64_t h, uint32_t word) {
     h = (h ^ word) * 0xff51afd7ed558ccdu;
     return h ^ (h >> 32);
@@ -37,32 +47,32 @@ std::vector<uint32_t> first_at_position(const std::vector<Vec3>& positions, cons
     const size_t n = positions.size();
     const size_t bits = std::bit_ceil(std::max<size_t>(16 * n, 64));
     std::vector<uint64_t> once(bits / 64, 0), again(bits / 64, 0);
-    for (Vec3 p : positions) {
-        const uint64_t bit = hash_position(p) & (bits - 1), mask = uint64_t(1) << (bit & 63);
+    for_each(n, poll, [&](size_t i) {
+        const uint64_t bit = hash_position(positions[i]) & (bits - 1), mask = uint64_t(1) << (bit & 63);
         again[bit / 64] |= once[bit / 64] & mask;
         once[bit / 64] |= mask;
-    }
+    });
     const auto may_have_twin = [&](uint64_t h) { return again[(h & (bits - 1)) / 64] >> (h & 63) & 1; };
-    const auto candidates = size_t(std::count_if(positions.begin(), positions.end(), [&](Vec3 p) { return may_have_twin(hash_position(p)); }));
+    size_t candidates = 0;
+    for_each(n, poll, [&](size_t i) { candidates += may_have_twin(hash_position(positions[i])); });
 
     // Those go through a table with open addressing; a slot holds a vertex plus one.
     std::vector<uint32_t> table(std::bit_ceil(2 * candidates + 1), 0), first;
-    for (size_t i = 0; i < n; ++i) {
+    for_each(n, poll, [&](size_t i) {
         const uint64_t h = hash_position(positions[i]);
-        if (i % kPollEvery == 0) poll();
-        if (!may_have_twin(h) || !equal(positions[i], positions[i])) continue;  // NaN equals nothing
+        if (!may_have_twin(h) || !equal(positions[i], positions[i])) return;  // NaN equals nothing
         size_t slot = (h >> 20) & (table.size() - 1);
         while (table[slot] != 0 && !equal(positions[i], positions[table[slot] - 1])) slot = (slot + 1) & (table.size() - 1);
         if (table[slot] == 0) {
             table[slot] = uint32_t(i) + 1;
-            continue;
+            return;
         }
         if (first.empty()) {
             first.resize(n);
             std::iota(first.begin(), first.end(), 0u);
         }
         first[i] = table[slot] - 1;
-    }
+    });
     return first;
 }
 
@@ -70,8 +80,9 @@ std::vector<uint32_t> first_at_position(const std::vector<Vec3>& positions, cons
 
 std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::function<void()>& poll) {
     const size_t vertices = mesh.positions.size(), triangles = mesh.triangle_count();
-    for (uint32_t v : mesh.triangle_vertices)
-        if (v >= vertices) throw Error("a triangle names a vertex that does not exist", "Mesh '" + mesh.name + "'");
+    for_each(mesh.triangle_vertices.size(), poll, [&](size_t i) {
+        if (mesh.triangle_vertices[i] >= vertices) throw Error("a triangle names a vertex that does not exist", "Mesh '" + mesh.name + "'");
+    });
     const std::vector<uint32_t> first = first_at_position(mesh.positions, poll);
     const auto corners = [&](size_t i) {
         std::array<uint32_t, 3> c{mesh.triangle_vertices[3 * i], mesh.triangle_vertices[3 * i + 1], mesh.triangle_vertices[3 * i + 2]};
@@ -83,19 +94,18 @@ std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::fun
 
     // Triangles by their lowest vertex (a counting sort: neighbours in memory stay neighbours), then equal ones within each vertex.
     std::vector<uint32_t> start(vertices + 1, 0), order(triangles);
-    for (size_t i = 0; i < triangles; ++i) ++start[corners(i)[0] + 1];
+    for_each(triangles, poll, [&](size_t i) { ++start[corners(i)[0] + 1]; });
     std::partial_sum(start.begin(), start.end(), start.begin());
     std::vector<uint32_t> next(start.begin(), start.end() - 1);
-    for (size_t i = 0; i < triangles; ++i) order[next[corners(i)[0]]++] = uint32_t(i);
+    for_each(triangles, poll, [&](size_t i) { order[next[corners(i)[0]]++] = uint32_t(i); });
     struct Rest {
         uint32_t middle, highest, triangle;
         auto operator<=>(const Rest&) const = default;
     };
     std::vector<Rest> bucket;
     std::vector<uint32_t> repeated;
-    for (size_t v = 0; v < vertices; ++v) {
-        if (v % kPollEvery == 0) poll();
-        if (start[v + 1] - start[v] < 2) continue;
+    for_each(vertices, poll, [&](size_t v) {
+        if (start[v + 1] - start[v] < 2) return;
         bucket.clear();
         for (size_t k = start[v]; k < start[v + 1]; ++k) {
             const auto c = corners(order[k]);
@@ -104,7 +114,7 @@ std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::fun
         std::sort(bucket.begin(), bucket.end());
         for (size_t k = 1; k < bucket.size(); ++k)
             if (bucket[k].middle == bucket[k - 1].middle && bucket[k].highest == bucket[k - 1].highest) repeated.push_back(bucket[k].triangle);
-    }
+    });
     std::sort(repeated.begin(), repeated.end());
     return repeated;
 }

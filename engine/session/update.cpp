@@ -1,6 +1,7 @@
 /// The update plan: dirty bits -> what is rebuilt, in dependency order. Everything below a rebuilt thing is rebuilt too.
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "base/cpu.h"
@@ -146,6 +147,11 @@ void update_render_data(Session::State& s) {
             options.progress = [&](double fraction) {
                 s.set_status(SessionState::Updating, "Building BVH " + std::to_string(int(fraction * 100)) + " %");
                 return !s.cancel;
+            };
+            options.before_sort = [&](double primitives) {
+                if (primitives < 1e6) return;
+                const std::string millions = std::to_string(std::lround(primitives * 1e-6));
+                s.set_status(SessionState::Updating, "Building BVH: Embree sorts " + millions + " million primitives and cannot be interrupted");
             };
             data.accelerator.build(data.tables, options);
         });

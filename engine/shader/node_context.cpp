@@ -112,7 +112,7 @@ Value3 NodeContext::texture_vector() {
     return texture_mapping(has_link ? vector("Vector") : generated());
 }
 
-const std::string& NodeContext::text(const char* property, const std::string& fallback) const {
+std::string NodeContext::text(const char* property, const std::string& fallback) const {
     const auto found = node.properties.find(property);
     if (found == node.properties.end()) return fallback;
     const std::string* s = std::get_if<std::string>(&found->second);

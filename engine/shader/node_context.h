@@ -47,7 +47,7 @@ public:
     Value3 texture_mapping(Value3 v);
 
     // Properties, by Blender's name.
-    const std::string& text(const char* property, const std::string& fallback = {}) const;
+    std::string text(const char* property, const std::string& fallback = {}) const;
     double number(const char* property, double fallback = 0) const;
     bool flag(const char* property, bool fallback = false) const { return number(property, fallback) != 0; }
     const std::vector<float>* table(const char* property) const;

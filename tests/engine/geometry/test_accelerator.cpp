@@ -348,6 +348,29 @@ TEST(Accelerator, CancelStopsAndTheNextBuildWorks) {
     }
 }
 
+TEST(Accelerator, SaysWhatEmbreeIsAboutToSort) {
+    World world;
+    const auto shared = sphere(3), alone = terrain(40);
+    world.add(shared);
+    world.add(shared, translate_rotate_scale({5, 0, 0}, {1, 2, 3}, 1, {1, 1, 1}));
+    world.add(alone);
+    const auto triangles = [](const auto& mesh) { return double(mesh->triangle_count()); };
+    for (bool flatten : {true, false}) {
+        BuildOptions options = flattened(flatten, [](double) { return true; });
+        std::vector<double> sorted;
+        options.before_sort = [&](double primitives) { sorted.push_back(primitives); };
+        Accelerator accelerator;
+        accelerator.build(world.view(), options);
+        // Meshes that are placed as instances, then the top: instances and whatever lies flat in it.
+        std::vector<double> expected{triangles(shared), 3};
+        if (flatten)
+            expected[1] = 2 + triangles(alone);
+        else
+            expected.insert(expected.begin() + 1, triangles(alone));
+        EXPECT_EQ(sorted, expected);
+    }
+}
+
 TEST(Accelerator, EstimateIsAboveWhatIsTakenButNotFar) {
     World world;
     EXPECT_EQ(estimate_bytes(world.view()), 0u);
