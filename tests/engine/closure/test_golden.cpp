@@ -2,6 +2,7 @@
 /// give under a sun of irradiance 1 (f cos) and in a white furnace. Viewer along +Z, surface turned about +Y.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <sstream>
