@@ -21,7 +21,15 @@ _MODULES = (properties, engine, ui, ui_data, ui_layer, ui_motion, compat_ui)
 
 
 def register() -> None:
-    """Registers everything, even when the native module is absent: the engine then says so at each render."""
+    """Registers everything, even when the native module is absent: the engine then says so at each render.
+
+    Of two installed copies (an extension and a legacy add-on, say) the first one stays: they would answer for each
+    other.
+    """
+    other = engine.registered_elsewhere()
+    if other:
+        print(f"Talbot: {other} is enabled already; disable it to use {__name__}")
+        return
     problem = native.load(versions.ADDON_VERSION)
     if problem:
         print(f"Talbot: {problem}")

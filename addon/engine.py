@@ -125,6 +125,15 @@ class TalbotRenderEngine(bpy.types.RenderEngine):
             self.update_stats("Talbot", f"Error: {message}")
 
 
+def registered_elsewhere() -> str:
+    """The module of another Talbot that is registered in this Blender, "" when there is none."""
+    for other in bpy.types.RenderEngine.__subclasses__():
+        if other is not TalbotRenderEngine and getattr(other, "bl_idname", "") == TalbotRenderEngine.bl_idname:
+            if other.is_registered:
+                return other.__module__.rpartition(".")[0] or other.__module__
+    return ""
+
+
 def register() -> None:
     """Adds the engine to Blender's list."""
     register_classes((TalbotRenderEngine,))

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import platform
 import sys
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,8 @@ from types import ModuleType
 import bpy
 
 _NAME = "_talbot"
+_WHEEL_PACKAGE = "talbot_native"
+"""Where the wheel has the module: extensions get it from there, legacy add-ons and builds have it beside this file."""
 _FOLDER = Path(__file__).parent
 
 _module: ModuleType | None = None
@@ -29,7 +32,7 @@ def load(expected_version: str) -> str:
 
 def _load(expected_version: str) -> tuple[ModuleType | None, str]:
     try:
-        module = importlib.import_module(f".{_NAME}", __package__)
+        module = _import()
     except ImportError as error:
         return None, _why_not_imported(error)
     # After an upgrade Python keeps the old library in memory; it would be called with the new add-on's arguments.
@@ -46,6 +49,15 @@ def _load(expected_version: str) -> tuple[ModuleType | None, str]:
     return module, ""
 
 
+def _import() -> ModuleType:
+    try:
+        return importlib.import_module(f".{_NAME}", __package__)
+    except ModuleNotFoundError:
+        if any(_FOLDER.glob(f"{_NAME}*.so")):
+            raise
+    return importlib.import_module(f"{_WHEEL_PACKAGE}.{_NAME}")
+
+
 def _why_not_imported(error: ImportError) -> str:
     running = f"{sys.version_info.major}.{sys.version_info.minor}"
     found = sorted(path.name for path in _FOLDER.glob(f"{_NAME}*.so"))
@@ -53,7 +65,11 @@ def _why_not_imported(error: ImportError) -> str:
         return f"The native module is missing from {_FOLDER}: install a packaged Talbot, or build it with CMake"
     # A file that is found but does not load raises ImportError itself, under the same name.
     if isinstance(error, ModuleNotFoundError) and (error.name or "").endswith(_NAME):
-        return f"The native module {found[0]} is not for this Blender's Python {running}: install the matching build"
+        system = f"{platform.system()} on {platform.machine()}"
+        return (
+            f"The native module {found[0]} is not for this Blender's Python {running} ({system}): "
+            "install the matching build"
+        )
     return f"The native module {found[0]} cannot be loaded: {error}"
 
 

@@ -10,9 +10,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from launcher import hosts, native
-from launcher.common import BUILD, CACHE, STAGE, LauncherError, project_version
+from launcher.common import BUILD, CACHE, ROOT, STAGE, LauncherError, project_version
 
 LIBRARIES = (
     "libembree-dev",
@@ -41,10 +42,17 @@ print(json.dumps(facts))
 """
 
 ADDON_PROBE = """
-import bpy, json
+import bpy, json, sys
+sys.path.insert(0, PACKAGING)
 versions = {name: ".".join(map(str, getattr(bpy.app, name).version)) for name in ("oiio", "ocio", "openvdb")}
 engines = {getattr(kind, "bl_idname", "") for kind in bpy.types.RenderEngine.__subclasses__()}
 facts = {"engine": "TALBOT" in engines, "blender": bpy.app.version_string, "libraries": versions}
+try:
+    import answers, talbot.native
+    facts["answers"] = answers.report(talbot.native.module().__file__)
+    facts["problem"] = talbot.native.problem()
+except Exception as error:
+    facts["problem"] = str(error)
 print("talbot-doctor:", json.dumps(facts))
 """
 
@@ -114,7 +122,8 @@ def check_host(which: str | None) -> list[str]:
     except LauncherError as error:
         return [str(error)]
     print(f"Blender ({host.name})")
-    command = hosts.with_addon(host, ["-b", "--factory-startup", "--python-expr", ADDON_PROBE])
+    probe = ADDON_PROBE.replace("PACKAGING", repr(str(ROOT / "packaging")))
+    command = hosts.with_addon(host, ["-b", "--factory-startup", "--python-expr", probe])
     result = subprocess.run(command, capture_output=True, text=True, env=host.environment, errors="replace")
     line = re.search(r"^talbot-doctor: (.*)$", result.stdout, re.MULTILINE)
     if line is None or result.returncode != 0:
@@ -126,11 +135,25 @@ def check_host(which: str | None) -> list[str]:
     for name, version in facts["libraries"].items():
         row(name, version)
     row("add-on", "registered" if facts["engine"] else "NOT registered")
-    return (
-        []
-        if facts["engine"]
-        else [f"{host.name}: the add-on did not register its engine:\n{result.stderr.strip()[-2000:]}"]
-    )
+    problems = [f"{host.name}: {facts['problem']}"] if facts.get("problem") else []
+    if not facts["engine"]:
+        problems.append(f"{host.name}: the add-on did not register its engine:\n{result.stderr.strip()[-2000:]}")
+    return problems + show_answers(host.name, facts.get("answers"))
+
+
+def show_answers(host: str, answers: dict[str, Any] | None) -> list[str]:
+    """Which library answers the native module's names in this Blender, by kind of name, and whether that is right."""
+    if answers is None:
+        return []
+    print("  Who answers the native module's names")
+    for title, files in sorted(answers["families"].items()):
+        for file, count in sorted(files.items()):
+            own = file == answers["file"]
+            print(f"    {title:14} {count:5}  {'the module itself' if own else file or 'nobody (optional)'}")
+    strangers = answers["strangers"]
+    right = "each by a library that it was linked with"
+    row("verdict", f"WRONG: {len(strangers)} names are answered by others" if strangers else right)
+    return [f"{host}: {text}" for text in strangers[:5]]
 
 
 def run(which: str | None) -> int:

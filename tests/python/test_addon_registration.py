@@ -57,6 +57,24 @@ def test_register_and_unregister_twice() -> None:
             assert engines == set(panel.COMPAT_ENGINES), panel.__name__
 
 
+def test_a_second_copy_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """An extension and a legacy add-on, say: the one that is enabled first stays."""
+    talbot.unregister()
+    other = type("OtherEngine", (bpy.types.RenderEngine,), {"bl_idname": "TALBOT", "bl_label": "Other"})
+    other.__module__ = "bl_ext.user_default.talbot.engine"
+    bpy.utils.register_class(other)
+    try:
+        talbot.register()
+        assert "bl_ext.user_default.talbot is enabled already" in capsys.readouterr().out
+        assert not hasattr(bpy.types.Scene, "talbot")
+        talbot.unregister()
+        assert other.is_registered
+    finally:
+        bpy.utils.unregister_class(other)
+        talbot.register()
+    assert hasattr(bpy.types.Scene, "talbot")
+
+
 def test_unregister_restores_the_node_menu() -> None:
     items = sys.modules.get("nodeitems_builtins")
     if not hasattr(items, "cycles_shader_nodes_poll"):
@@ -135,6 +153,20 @@ class TestNativeModule:
     def test_good(self, monkeypatch: pytest.MonkeyPatch) -> None:
         module = self.fake()
         assert self.load(monkeypatch, module) == ""
+        assert native.module() is module
+
+    def test_from_the_wheel(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """An extension has no module beside it: Blender unpacks the wheel elsewhere."""
+        module = self.fake()
+
+        def imported(name: str, package: str | None = None) -> object:
+            if name.startswith("."):
+                raise ModuleNotFoundError("No module named", name=f"{package}{name}")
+            assert name == "talbot_native._talbot"
+            return module
+
+        monkeypatch.setattr(native.importlib, "import_module", imported)
+        assert native.load("0.1.0") == ""
         assert native.module() is module
 
     def test_absent(self, monkeypatch: pytest.MonkeyPatch) -> None:
