@@ -1,6 +1,8 @@
 /// Closure nodes compiled: what they become, what they report, and normals bent for reflections.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "bench.h"
 #include "closure/albedo.h"
 #include "shader/compiler.h"

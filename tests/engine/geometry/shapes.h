@@ -1,6 +1,7 @@
 /// Small scenes for the geometry tests.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>

@@ -1,6 +1,8 @@
 /// Samplers against their densities: chi-squared on the sphere, and sample against what a ray in that direction meets.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "fixture.h"
 #include "light/kernels/world_map.h"
 

@@ -1,6 +1,7 @@
 // The compiler's own duties: mixing, folding, sharing, splitting, and bad graphs.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 

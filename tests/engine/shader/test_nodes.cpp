@@ -1,6 +1,7 @@
 // Every node against what Cycles answered for the same constant inputs, in five versions (data/nodes.txt).
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <map>
