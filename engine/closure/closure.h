@@ -101,6 +101,21 @@ void closure_eval(const ClosureSlot& slot, const ClosureColumns& c, const Closur
 void closure_sample(const ClosureSlot& slot, const ClosureColumns& c, const ClosureGeometry& g, const float* u, const float* v, const float* w, int n,
                     const ClosureSamples& out);
 
+/// How many of the first parameters are roughnesses (alpha).
+TALBOT_INLINE int closure_alphas(ClosureType type) {
+    switch (type) {
+        case ClosureType::Microfacet:
+        case ClosureType::MicrofacetRefract:
+        case ClosureType::AshikhminShirley:
+            return 2;
+        case ClosureType::MicrofacetGlass:
+        case ClosureType::PrincipledClearcoatV1:
+            return 1;
+        default:
+            return 0;
+    }
+}
+
 /// Raises alpha to at least `min_alpha` (filter glossy); edits the parameter columns in place where the type has alpha.
 void closure_blur(const ClosureSlot& slot, float* const* params, const float* min_alpha, int n);
 

@@ -94,6 +94,7 @@ FilmLayout make_layout(std::span<const PassKind> passes) {
         layout.stride += pass_channels(kind) + is_single_sample(kind);
         layout.light_passes |= is_light_pass(kind);
         layout.data_passes |= is_data_pass(kind);
+        layout.data_sums |= is_data_pass(kind) && !is_single_sample(kind);
     }
     if (wanted[int(PassKind::SampleCount)]) layout.offset[int(PassKind::SampleCount)] = 0;  // answered from the counts, no storage
     return layout;

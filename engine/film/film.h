@@ -33,6 +33,7 @@ struct FilmLayout {
     int stride = 0;             ///< floats a pixel
     bool light_passes = false;  ///< any of diffuse/glossy/transmission direct/indirect
     bool data_passes = false;   ///< any pass of the first hit (depth, normal, colours ...)
+    bool data_sums = false;     ///< any of these that takes every sample
     FilmLayout();
     TALBOT_MEMBER bool has(scene::PassKind kind) const { return offset[int(kind)] >= 0; }
 };

@@ -51,13 +51,14 @@ TALBOT_INLINE float way_off_surface(float error, float side) {
 /// the other side. `origin` may be p itself.
 void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, const float* error, int n, Columns3 origin);
 
-/// Where lane i's shadow ray in `direction` begins. Off the surface by the error bound, and where smooth normals see a grazing light that the flat triangle
-/// does not (or hardly) see, on the curved surface that the normals mean: else its shadow on itself would show the triangles. With w the barycentrics,
-/// V and N the vertices and normals on the light's side, all in world space, that surface is about half of
+/// Where the listed lanes' shadow rays in `direction` begin; other lanes get something harmless. Off the surface by the error bound, and where smooth normals
+/// see a grazing light that the flat triangle does not (or hardly) see, on the curved surface that the normals mean: else its shadow on itself would show the
+/// triangles. With w the barycentrics, V and N the vertices and normals on the light's side, all in world space, that surface is about half of
 ///     h = sum over edges ij of w_i w_j (N_j - N_i) . (V_j - V_i)
 /// above the triangle, and no lower than the nearest of the three planes that pass over the triangle at right angles to N_i. The object's geometry offset g
 /// says what is grazing: all of the height below it, none from 2 g on (from g on for the flat triangle), as in Cycles.
-Vec3 shadow_origin(const scene::SceneView& scene, const shader::ShadingSpan& span, int i, Vec3 direction, float error);
+void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 direction, const float* error, const int32_t* list, int count,
+                    Columns3 origin);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::geometry

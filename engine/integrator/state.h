@@ -129,9 +129,9 @@ public:
     ShadowQueue shadow;
     SpanScratch scratch;
     int32_t *active = nullptr, *fresh = nullptr, *missed = nullptr, *hits = nullptr, *sorted = nullptr, *free_lanes = nullptr;  ///< lists of lanes
-    int32_t* shader = nullptr;                                                                                                  ///< of each lane's hit
-    int32_t* visibility = nullptr;                                                                                              ///< ray mask of each lane
-    int32_t* buckets = nullptr;  ///< counting sort; room for bucket_capacity
+    int32_t *shader = nullptr, *sorted_shader = nullptr;  ///< of the lanes in `hits` and `sorted`
+    int32_t* visibility = nullptr;                        ///< ray mask of each lane
+    int32_t* buckets = nullptr;                           ///< counting sort; room for bucket_capacity
     int bucket_capacity = 0;
     int free_count = 0;
     Counters counters;

@@ -44,7 +44,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     for (float** c : {&p.t_max, &p.bsdf_pdf, &p.min_pdf, &p.mis_t, &p.cone_width, &p.cone_spread, &p.time, &p.hit.t, &p.hit.u, &p.hit.v})
         *c = arena_.take<float>(kBatch);
     for (int32_t** c : {&p.pixel, &p.flags, &p.bounces, &p.vertex, &p.hit.object, &p.hit.primitive, &active, &fresh, &missed, &hits, &sorted, &free_lanes,
-                        &shader, &visibility})
+                        &shader, &sorted_shader, &visibility})
         *c = arena_.take<int32_t>(kBatch);
     for (uint32_t** c : {&p.key, &p.sample}) *c = arena_.take<uint32_t>(kBatch);
 

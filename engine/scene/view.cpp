@@ -53,6 +53,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     const auto row = [&](size_t i) { return names == 0 ? nullptr : tables.attributes.data() + i * names; };
     tables.meshes.assign(meshes, {});
     tables.view.has_strands = false;
+    tables.view.has_holdouts = false;
     tables.view.has_motion = !scene.motion.camera.empty();
     tables.view.motion = &scene.motion;
     for (size_t i = 0; i < meshes; ++i) {
@@ -123,6 +124,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.dupli_uv = object.dupli_uv;
         out.negative_scale = determinant(object.to_world) < 0;
         out.is_holdout = object.is_holdout;
+        tables.view.has_holdouts |= object.is_holdout;
         out.is_shadow_catcher = object.is_shadow_catcher;
         out.is_instance = object.is_instance;
         out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(object.shadow_terminator_shading_offset));

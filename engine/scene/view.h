@@ -92,6 +92,7 @@ struct SceneView {
     int32_t attribute_count = 0;
     bool has_strands = false;  ///< some mesh is made of curves or points
     bool has_motion = false;   ///< paths have a time
+    bool has_holdouts = false;
     const Motion* motion = nullptr;
     const Settings* settings = nullptr;
     const Camera* camera = nullptr;

@@ -106,21 +106,7 @@ void closure_albedo(const ClosureSlot& slot, const ClosureColumns& c, const Clos
 }
 
 void closure_blur(const ClosureSlot& slot, float* const* params, const float* min_alpha, int n) {
-    int alphas = 0;
-    switch (slot.type) {
-        case ClosureType::Microfacet:
-        case ClosureType::MicrofacetRefract:
-        case ClosureType::AshikhminShirley:
-            alphas = 2;
-            break;
-        case ClosureType::MicrofacetGlass:
-        case ClosureType::PrincipledClearcoatV1:
-            alphas = 1;
-            break;
-        default:
-            break;
-    }
-    for (int k = 0; k < alphas; ++k) {
+    for (int k = 0; k < closure_alphas(slot.type); ++k) {
         Column alpha = params[k];
         ConstColumn lowest = min_alpha;
         for (int i = 0; i < n; ++i) alpha[i] = maxf(alpha[i], lowest[i]);

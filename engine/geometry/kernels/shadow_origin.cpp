@@ -49,18 +49,29 @@ Vec3 smooth_offset(const scene::SceneView& scene, const shader::ShadingSpan& spa
 
 }  // namespace
 
-Vec3 shadow_origin(const scene::SceneView& scene, const shader::ShadingSpan& span, int i, Vec3 direction, float error) {
-    const Vec3 p = load(span.p, i), n_g = load(span.n_g, i);
-    const float cutoff = scene.objects[span.object[i]].geometry_offset;
-    const float towards = dot(load(span.n_s, i), direction), smooth = std::fabs(towards);
-    const Vec3 side = towards < 0.0f ? -n_g : n_g;
-    const float flat = dot(side, direction);
-    const float amount = cutoff > 0.0f ? saturate(smooth < cutoff ? 2.0f - (flat + smooth) / cutoff : 1.0f - flat / cutoff) : 0.0f;
-    Vec3 offset;
-    if (amount > 0.0f) offset = smooth_offset(scene, span, i, side) * amount;
-    // A light behind the flat triangle is seen from its front: from behind, everything would be dark.
-    const bool raised = dot(offset, offset) > 0.0f;
-    return p + offset + n_g * way_off_surface(error, dot(n_g, raised ? side : direction));
+void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 direction, const float* error, const int32_t* list, int count,
+                    Columns3 origin) {
+    const int n = span.n;
+    offset_origin(span.p, span.n_g, direction, error, n, origin);
+    float cutoff[kSpan], amount[kSpan];
+    for (int i = 0; i < n; ++i) cutoff[i] = scene.objects[span.object[i]].geometry_offset;
+    ConstColumn sx = span.n_s.x, sy = span.n_s.y, sz = span.n_s.z, gx = span.n_g.x, gy = span.n_g.y, gz = span.n_g.z;
+    ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const float towards = sx[i] * dx[i] + sy[i] * dy[i] + sz[i] * dz[i], smooth = std::fabs(towards);
+        const float front = gx[i] * dx[i] + gy[i] * dy[i] + gz[i] * dz[i], flat = towards < 0.0f ? -front : front;
+        const float g = cutoff[i], part = smooth < g ? 2.0f - (flat + smooth) / g : 1.0f - flat / g;
+        amount[i] = g > 0.0f ? saturate(part) : 0.0f;
+    }
+    for (int k = 0; k < count; ++k) {
+        const int i = list[k];
+        if (!(amount[i] > 0.0f)) continue;
+        const Vec3 n_g = load(span.n_g, i), side = dot(load(span.n_s, i), load(direction, i)) < 0.0f ? -n_g : n_g;
+        const Vec3 offset = smooth_offset(scene, span, i, side) * amount[i];
+        // A light behind the flat triangle is seen from its front: from behind, everything would be dark.
+        if (dot(offset, offset) > 0.0f) store(origin, i, load(span.p, i) + offset + n_g * way_off_surface(error[i], dot(n_g, side)));
+    }
 }
 
 }  // namespace TALBOT_ISA

@@ -10,7 +10,7 @@ namespace talbot::integrator {
 inline namespace TALBOT_ISA {
 
 int end_paths(const RenderContext& context, Worker& worker, int n) {
-    const scene::Settings& settings = *context.settings;
+    const RouletteStart start = roulette_start(*context.settings);
     PathColumns& paths = worker.paths;
     int kept = 0;
     for (int i = 0; i < n; ++i) {
@@ -19,7 +19,7 @@ int end_paths(const RenderContext& context, Worker& worker, int n) {
         const int32_t vertex = paths.vertex[lane];
         int32_t flags = paths.flags[lane];
         if (context.roulette_on_arrival) {
-            const float keep = survival_probability(settings, flags, paths.bounces[lane], vertex >> 16, load(paths.throughput, lane));
+            const float keep = survival_probability(start, flags, paths.bounces[lane], vertex >> 16, load(paths.throughput, lane));
             if (keep < 1.0f && sample_pair(paths.key[lane], paths.sample[lane], pair_dimension(uint32_t(vertex & 0xffff), Pair::Roulette)).x >= keep)
                 paths.flags[lane] = flags |= kPathTerminate;
         }

@@ -37,7 +37,11 @@ void sort_by_program(const RenderContext& context, Worker& worker, int n) {
         buckets[b] = sum;
         sum += size;
     }
-    for (int i = 0; i < n; ++i) worker.sorted[buckets[worker.shader[i]]++] = worker.hits[i];
+    for (int i = 0; i < n; ++i) {
+        const int32_t rank = worker.shader[i], to = buckets[rank]++;
+        worker.sorted[to] = worker.hits[i];
+        worker.sorted_shader[to] = context.rank_shader[rank];
+    }
     // Afterwards buckets[b] is the end of shader rank b.
 }
 
@@ -90,7 +94,7 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
             while (rank + 1 < context.shader_count && kind(rank + 1) == kind(first)) end = ends[++rank];
             for (; begin < end; begin += kSpan) {
                 const int n = end - begin < kSpan ? end - begin : kSpan;
-                const int survivors = shade_surface(context, worker, worker.sorted + begin, n, tile, worker.active + active);
+                const int survivors = shade_surface(context, worker, worker.sorted + begin, worker.sorted_shader + begin, n, tile, worker.active + active);
                 active += survivors;
             }
             begin = end;

@@ -1,7 +1,8 @@
 /// The next direction: a closure slot by its share of the scattering, a direction from it, the whole mixture's value and
 /// density there; bounce counts and limits.
 
-#include "base/sobol.h"
+#include <limits>
+
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -11,20 +12,25 @@ namespace {
 
 constexpr float kInfinity = 3.0e38f;
 
-/// Slot of each lane with probability slot_weight / weight_sum; -1 where nothing scatters.
-void choose_slots(SpanScratch& s, int slots) {
+/// Slot of each lane with probability slot_weight / weight_sum; -1 where nothing scatters. Its weight goes to tmp2, its LobeKind to list2.
+void choose_slots(SpanScratch& s, const shader::Program& program) {
     const int n = s.span.n;
     for (int i = 0; i < n; ++i) {
         s.chosen[i] = -1;
+        s.list2[i] = int32_t(LobeKind::None);
         s.tmp[i] = s.u0[i] * s.weight_sum[i];
+        s.tmp2[i] = 0.0f;
     }
-    for (int k = 0; k < slots; ++k) {
+    for (int k = 0; k < int(program.slots.size()); ++k) {
         const float* weight = s.slot_weight + size_t(k) * kSpan;
+        const int32_t lobe = int32_t(program.slots[size_t(k)].lobe);
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             // The last slot with any weight catches what rounding leaves over.
             const bool open = (s.tmp[i] >= 0.0f) & (weight[i] > 0.0f);
             s.chosen[i] = open ? k : s.chosen[i];
+            s.list2[i] = open ? lobe : s.list2[i];
+            s.tmp2[i] = open ? weight[i] : s.tmp2[i];
             s.tmp[i] = s.tmp[i] - weight[i];
         }
     }
@@ -98,35 +104,147 @@ void eval_mixture(SpanScratch& s, const shader::Program& program, const ClosureG
     }
 }
 
-TALBOT_INLINE int32_t count_bounce(int32_t bounces, LobeKind lobe, bool transmitted) {
-    const int total = total_bounces(bounces) + 1, diffuse = diffuse_bounces(bounces), glossy = glossy_bounces(bounces),
-              transmission = transmission_bounces(bounces);
-    const bool is_diffuse = !transmitted && lobe == LobeKind::Diffuse, is_glossy = !transmitted && lobe != LobeKind::Diffuse;
-    auto cap = [](int x) { return x > 255 ? 255 : x; };
-    return int32_t(uint32_t(cap(total)) | uint32_t(cap(diffuse + is_diffuse)) << 8 | uint32_t(cap(glossy + is_glossy)) << 16 |
-                   uint32_t(cap(transmission + transmitted)) << 24);
+/// Delta lobes keep their own weight, divided by the probability of the choice. Needs what choose_slots left.
+void divide_by_choice(SpanScratch& s, const shader::Program& program) {
+    const int n = s.span.n;
+    const Column fx = s.f.x, fy = s.f.y, fz = s.f.z;
+    const ConstColumn weight = s.tmp2, sum = s.weight_sum;
+    const IntColumn flags = s.sampled_flags;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const bool chosen = weight[i] > 0.0f;
+        const float inverse = chosen ? sum[i] / weight[i] : 0.0f;
+        flags[i] = chosen ? flags[i] : int32_t(kSampledFailed);
+        fx[i] *= inverse;
+        fy[i] *= inverse;
+        fz[i] *= inverse;
+    }
+    if (!s.shifts_terminator) return;
+    for (int i = 0; i < n; ++i) {
+        if (s.sampled_flags[i] & (kSampledFailed | kSampledTransmit | kSampledTransparent)) continue;
+        const ConstColumns3 normal = slot_columns(program.slots[size_t(s.chosen[i])], s.registers).normal;
+        store(s.f, i, load(s.f, i) * terminator_factor(s.terminator_frequency[i], dot(load(normal, i), load(s.wi, i))));
+    }
+}
+
+/// One more bounce: in total, and of its kind. Each count stops at 255.
+TALBOT_INLINE int32_t count_bounce(int32_t bounces, int32_t diffuse, int32_t glossy, int32_t transmitted) {
+    const auto next = [](int32_t count, int32_t more) { return uint32_t(count + more > 255 ? 255 : count + more); };
+    return int32_t(next(total_bounces(bounces), 1) | next(diffuse_bounces(bounces), diffuse) << 8 | next(glossy_bounces(bounces), glossy) << 16 |
+                   next(transmission_bounces(bounces), transmitted) << 24);
+}
+
+/// What becomes of each lane: throughput in s.rgb, flags in s.path_flags, bounces in s.list2. Returns how many go on; they are in s.list.
+int advance_paths(const RenderContext& context, SpanScratch& s) {
+    const scene::Settings& settings = *context.settings;
+    const int n = s.span.n;
+    // Before 5.0 a ray crosses one transparent surface more than the limit says.
+    const int transparent_limit = settings.version < 500 ? settings.transparent_bounces + 1 : settings.transparent_bounces;
+    const int max_bounces = settings.max_bounces, max_diffuse = settings.diffuse_bounces, max_glossy = settings.glossy_bounces,
+              max_transmission = settings.transmission_bounces;
+    const float clear_roughness = settings.film_transparent_glass ? settings.film_transparent_roughness : -1.0f;
+    constexpr RouletteStart never{std::numeric_limits<int>::max(), std::numeric_limits<int>::max()};
+    const RouletteStart start = context.roulette_on_arrival ? never : roulette_start(settings);
+    const ConstColumn fx = s.f.x, fy = s.f.y, fz = s.f.z, tx = s.throughput.x, ty = s.throughput.y, tz = s.throughput.z, roughness = s.sampled_roughness,
+                      u = s.roulette_u;
+    const ConstIntColumn sampled_flags = s.sampled_flags, old_bounces = s.bounces, crossed = s.span.transparent_depth;
+    const Column rx = s.rgb.x, ry = s.rgb.y, rz = s.rgb.z;
+    const IntColumn flags = s.path_flags, lobe_then_bounces = s.list2, goes_on = s.itmp;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const int32_t sampled = sampled_flags[i], lobe = lobe_then_bounces[i], before = flags[i];
+        const bool transparent = (sampled & kSampledTransparent) != 0, transmitted = (sampled & kSampledTransmit) != 0, delta = (sampled & kSampledDelta) != 0;
+        const bool diffuse = lobe == int32_t(LobeKind::Diffuse);
+        const int32_t counted = count_bounce(old_bounces[i], !transmitted & diffuse, !transmitted & !diffuse, transmitted);
+        const int32_t bounces = transparent ? old_bounces[i] : counted;
+        const bool at_limit = (total_bounces(bounces) > max_bounces) | (diffuse_bounces(bounces) > max_diffuse) | (glossy_bounces(bounces) > max_glossy) |
+                              (transmission_bounces(bounces) > max_transmission);
+        const bool through_glass = transmitted & (roughness[i] <= clear_roughness);
+        const int32_t crossing = before | kPathCrossed | (crossed[i] + 1 >= transparent_limit ? kPathTerminate : 0);
+        const int32_t scattered = kPathDataDone | (through_glass ? before & kPathSeesBackground : 0) | (at_limit ? kPathEndAtSurface : 0) |
+                                  (delta ? int32_t(kPathDelta) | shader::kRaySingular : 0) | (transmitted ? shader::kRayTransmission : shader::kRayReflection) |
+                                  (diffuse ? shader::kRayDiffuse : shader::kRayGlossy);
+        const int32_t next = transparent ? crossing : scattered;
+
+        const Rgb throughput{tx[i] * fx[i], ty[i] * fy[i], tz[i] * fz[i]};
+        const float strongest = max_component(throughput);
+        const float keep = survival_probability(start, next, bounces, crossed[i] + transparent, throughput);
+        goes_on[i] = ((sampled & kSampledFailed) == 0) & (strongest > 0.0f) & (strongest < kInfinity) & (u[i] < keep);
+        const float inverse = 1.0f / keep;
+        rx[i] = throughput.x * inverse;
+        ry[i] = throughput.y * inverse;
+        rz[i] = throughput.z * inverse;
+        flags[i] = next;
+        lobe_then_bounces[i] = bounces;
+    }
+    int count = 0;
+    for (int i = 0; i < n; ++i) {
+        s.list[count] = i;
+        count += goes_on[i];
+    }
+    return count;
+}
+
+/// The diffuse and glossy shares of a path's first scattering, for the light passes.
+void keep_shares(PathColumns& paths, const SpanScratch& s, const shader::Program& program, int count) {
+    for (int k = 0; k < count; ++k) {
+        const int i = s.list[k];
+        const int32_t sampled = s.sampled_flags[i];
+        if ((sampled & kSampledTransparent) || total_bounces(s.bounces[i]) > 0) continue;
+        Vec3 diffuse = load(s.f_diffuse, i), glossy = load(s.f_glossy, i);
+        if (sampled & kSampledDelta) {
+            const bool is_diffuse = program.slots[size_t(s.chosen[i])].lobe == LobeKind::Diffuse, transmitted = (sampled & kSampledTransmit) != 0;
+            diffuse = vec3(!transmitted && is_diffuse ? 1.0f : 0.0f);
+            glossy = vec3(!transmitted && !is_diffuse ? 1.0f : 0.0f);
+        }
+        store(paths.diffuse_share, s.lane[i], diffuse);
+        store(paths.glossy_share, s.lane[i], glossy);
+    }
+}
+
+/// Writes the lanes that go on back to their paths; their rays begin at s.tmp3.
+void send_on(PathColumns& paths, const SpanScratch& s, int count) {
+    for (int k = 0; k < count; ++k) {
+        const int i = s.list[k];
+        const int32_t lane = s.lane[i];
+        paths.bounces[lane] = s.list2[i];
+        store(paths.origin, lane, load(s.tmp3, i));
+        store(paths.throughput, lane, load(s.rgb, i));
+        paths.cone_width[lane] = s.span.footprint[i];
+        if (s.sampled_flags[i] & kSampledTransparent) {
+            const float t = s.span.ray_length[i];
+            paths.flags[lane] = s.path_flags[i] | (paths.flags[lane] & kPathDataDone);
+            paths.t_max[lane] = maxf(paths.t_max[lane] - t, 0.0f);
+            paths.mis_t[lane] += t;
+            paths.vertex[lane] = ((s.span.transparent_depth[i] + 1) << 16) + int32_t(s.span.vertex[i]) + 1;
+        } else {
+            paths.flags[lane] = s.path_flags[i];
+            store(paths.direction, lane, load(s.wi, i));
+            paths.t_max[lane] = kInfinity;
+            paths.mis_t[lane] = 0.0f;
+            paths.vertex[lane] += 1;
+            paths.bsdf_pdf[lane] = s.pdf[i];
+            paths.min_pdf[lane] = minf(paths.min_pdf[lane], s.pdf[i]);
+        }
+    }
 }
 
 }  // namespace
 
 int scatter_paths(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, int32_t* survivors) {
-    const scene::Settings& settings = *context.settings;
     PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
     const int n = s.span.n;
     const int slots = int(program.slots.size());
     if (slots == 0) return 0;
 
-    TALBOT_VECTOR_LOOP
-    for (int i = 0; i < n; ++i) {
-        const Vec2 a = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::BsdfSlot));
-        const Vec2 b = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::BsdfDirection));
-        s.u0[i] = a.x;
-        s.v0[i] = a.y;
-        s.u1[i] = b.x;
-        s.v1[i] = b.y;
-    }
-    choose_slots(s, slots);
+    sample_pairs(s.span, Pair::BsdfDirection, s.u1, s.v1);
+    // One diffuse slot leaves nothing to choose.
+    if (slots > 1 || program.slots[0].type != ClosureType::Diffuse)
+        sample_pairs(s.span, Pair::BsdfSlot, s.u0, s.v0);
+    else
+        fill(s.u0, n, 0.0f), fill(s.v0, n, 0.0f);
+    choose_slots(s, program);
     int used = 0;  // slots anybody chose
     for (int k = 0; k < slots; ++k) {
         int count = 0;
@@ -139,19 +257,7 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
         sample_slot(s, program.slots[size_t(k)], geometry, s.list, count);
     }
     if (used == 0) return 0;
-    // Delta lobes keep their own weight, divided by the probability of the choice.
-    for (int i = 0; i < n; ++i) {
-        if (s.chosen[i] < 0) {
-            s.sampled_flags[i] = kSampledFailed;
-            continue;
-        }
-        const float p = s.slot_weight[size_t(s.chosen[i]) * kSpan + i] / s.weight_sum[i];
-        store(s.f, i, load(s.f, i) / p);
-        if (s.shifts_terminator && !(s.sampled_flags[i] & (kSampledTransmit | kSampledTransparent))) {
-            const ConstColumns3 normal = slot_columns(program.slots[size_t(s.chosen[i])], s.registers).normal;
-            store(s.f, i, load(s.f, i) * terminator_factor(s.terminator_frequency[i], dot(load(normal, i), load(s.wi, i))));
-        }
-    }
+    divide_by_choice(s, program);
     const bool shares = context.layout->light_passes;
     int scattering = 0;
     for (const ClosureSlot& slot : program.slots) scattering += slot.lobe != LobeKind::None && slot.lobe != LobeKind::Transparent;
@@ -165,73 +271,10 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
     }
     geometry::offset_origin(s.span.p, s.span.n_g, s.wi, s.error, n, s.tmp3);
 
-    // Before 5.0 a ray crosses one transparent surface more than the limit says.
-    const int transparent_limit = settings.version < 500 ? settings.transparent_bounces + 1 : settings.transparent_bounces;
-    int alive = 0;
-    for (int i = 0; i < n; ++i) {
-        const int32_t lane = s.lane[i];
-        const int32_t sampled = s.sampled_flags[i];
-        if (sampled & kSampledFailed) continue;
-        Rgb throughput = load(s.throughput, i) * load(s.f, i);
-        const float strongest = max_component(throughput);
-        if (!(strongest > 0.0f) || !(strongest < kInfinity)) continue;
-
-        const float t = s.span.ray_length[i];
-        int32_t flags = s.path_flags[i];
-        const int32_t vertex = paths.vertex[lane];
-        const int crossed = vertex >> 16;
-        const bool transparent = (sampled & kSampledTransparent) != 0;
-        int32_t bounces = s.bounces[i];
-        if (transparent) {
-            flags |= kPathCrossed | (crossed + 1 >= transparent_limit ? kPathTerminate : 0);
-        } else {
-            const bool transmitted = (sampled & kSampledTransmit) != 0;
-            const bool delta = (sampled & kSampledDelta) != 0;
-            const LobeKind lobe = program.slots[size_t(s.chosen[i])].lobe;
-            bounces = count_bounce(bounces, lobe, transmitted);
-            const bool at_limit = total_bounces(bounces) > settings.max_bounces || diffuse_bounces(bounces) > settings.diffuse_bounces ||
-                                  glossy_bounces(bounces) > settings.glossy_bounces || transmission_bounces(bounces) > settings.transmission_bounces;
-            const bool through_glass = settings.film_transparent_glass && transmitted && s.sampled_roughness[i] <= settings.film_transparent_roughness;
-            flags &= kPathDataDone | (through_glass ? flags & kPathSeesBackground : 0);
-            flags |= kPathDataDone | (at_limit ? kPathEndAtSurface : 0) | (delta ? kPathDelta : 0);
-            flags |= transmitted ? shader::kRayTransmission : shader::kRayReflection;
-            flags |= lobe == LobeKind::Diffuse ? shader::kRayDiffuse : shader::kRayGlossy;
-            flags |= delta ? shader::kRaySingular : 0;
-            if (shares && total_bounces(s.bounces[i]) == 0) {
-                Vec3 d = load(s.f_diffuse, i), g = load(s.f_glossy, i);
-                if (delta) {
-                    d = vec3(!transmitted && lobe == LobeKind::Diffuse ? 1.0f : 0.0f);
-                    g = vec3(!transmitted && lobe != LobeKind::Diffuse ? 1.0f : 0.0f);
-                }
-                store(paths.diffuse_share, lane, d);
-                store(paths.glossy_share, lane, g);
-            }
-        }
-
-        if (!context.roulette_on_arrival) {
-            const float keep = survival_probability(settings, flags, bounces, crossed + transparent, throughput);
-            if (s.roulette_u[i] >= keep) continue;
-            throughput = throughput / keep;
-        }
-        paths.bounces[lane] = bounces;
-        store(paths.origin, lane, load(s.tmp3, i));
-        store(paths.throughput, lane, throughput);
-        paths.cone_width[lane] = s.span.footprint[i];
-        paths.flags[lane] = transparent ? (flags | (paths.flags[lane] & kPathDataDone)) : flags;
-        if (transparent) {
-            paths.t_max[lane] = maxf(paths.t_max[lane] - t, 0.0f);
-            paths.mis_t[lane] += t;
-            paths.vertex[lane] = (vertex & 0xffff) + 1 + ((crossed + 1) << 16);
-        } else {
-            store(paths.direction, lane, load(s.wi, i));
-            paths.t_max[lane] = kInfinity;
-            paths.mis_t[lane] = 0.0f;
-            paths.vertex[lane] = vertex + 1;
-            paths.bsdf_pdf[lane] = s.pdf[i];
-            paths.min_pdf[lane] = minf(paths.min_pdf[lane], s.pdf[i]);
-        }
-        survivors[alive++] = lane;
-    }
+    const int alive = advance_paths(context, s);
+    if (shares) keep_shares(paths, s, program, alive);
+    send_on(paths, s, alive);
+    gather(s.lane, s.list, alive, survivors);
     return alive;
 }
 

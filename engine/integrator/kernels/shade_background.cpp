@@ -143,10 +143,14 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
         for (int turn = 0; turn < kMaxLampsOnRay && m > 0; ++turn) {
             gather3(paths.origin, s.list, m, origin);
             gather3(paths.direction, s.list, m, direction);
+            gather(paths.t_max, s.list, m, t_max);
+            gather(paths.hit.t, s.list, m, t);
+            gather(paths.hit.object, s.list, m, s.itmp);
+            gather(paths.flags, s.list, m, s.list2);
+            TALBOT_VECTOR_LOOP
             for (int i = 0; i < m; ++i) {
-                const int32_t lane = s.list[i];
-                t_max[i] = paths.hit.object[lane] >= 0 ? paths.hit.t[lane] : paths.t_max[lane];
-                s.list2[i] = ray_visibility(paths.flags[lane]);
+                t_max[i] = s.itmp[i] >= 0 ? t[i] : t_max[i];
+                s.list2[i] = ray_visibility(s.list2[i]);
             }
             light::intersect_lamps(*context.emitters, origin, direction, t_max, s.list2, m, s.chosen, t, t_min);
             int count = 0;

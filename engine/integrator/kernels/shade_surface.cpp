@@ -1,6 +1,7 @@
 /// One span of surface hits: shading points, node program, emission, then light samples and scattering.
 
-#include "base/sobol.h"
+#include <algorithm>
+
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -8,7 +9,7 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
-void gather_span(const RenderContext& context, Worker& worker, const int32_t* lanes, int n) {
+void gather_span(const RenderContext& context, Worker& worker, const int32_t* lanes, const int32_t* shaders, int n) {
     const PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
     shader::ShadingSpan& span = s.span;
@@ -41,10 +42,9 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
         span.sample[i] = paths.sample[lane];
         span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
     }
-    geometry::hit_shaders(*context.scene, paths.hit, lanes, n, s.itmp);
     bool uniform = true;
     for (int i = 0; i < n; ++i) {
-        span.constants[i] = context.programs->shaders[size_t(s.itmp[i])].constants;
+        span.constants[i] = context.programs->shaders[size_t(shaders[i])].constants;
         uniform = uniform && span.constants[i] == span.constants[0];
     }
     span.uniform_constants = uniform;
@@ -96,10 +96,11 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
 
 /// What survivors of the roulette bring from here on stands for those that ended.
 void settle_roulette(const RenderContext& context, Worker& worker) {
+    const RouletteStart start = roulette_start(*context.settings);
     SpanScratch& s = worker.scratch;
     for (int i = 0; i < s.span.n; ++i) {
         const Rgb throughput = load(s.throughput, i);
-        const float keep = survival_probability(*context.settings, s.path_flags[i], s.bounces[i], s.span.transparent_depth[i], throughput);
+        const float keep = survival_probability(start, s.path_flags[i], s.bounces[i], s.span.transparent_depth[i], throughput);
         if (keep < 1.0f) store(s.throughput, i, throughput / keep);
     }
 }
@@ -109,10 +110,12 @@ void settle_roulette(const RenderContext& context, Worker& worker) {
 void add_holdout(const RenderContext& context, Worker& worker, const shader::Program& program, film::TileFilm& tile) {
     SpanScratch& s = worker.scratch;
     const shader::ShadingSpan& span = s.span;
+    const auto is_holdout = [](const ClosureSlot& slot) { return slot.type == ClosureType::Holdout; };
+    if (!context.scene->has_holdouts && std::none_of(program.slots.begin(), program.slots.end(), is_holdout)) return;
     int count = 0;
     for (int i = 0; i < span.n; ++i) s.tmp[i] = 0.0f;
     for (const ClosureSlot& slot : program.slots) {
-        if (slot.type != ClosureType::Holdout) continue;
+        if (!is_holdout(slot)) continue;
         const ClosureColumns c = slot_columns(slot, s.registers);
         for (int i = 0; i < span.n; ++i) s.tmp[i] += mean(load(c.weight, i));
     }
@@ -143,8 +146,8 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
     const scene::Settings& settings = *context.settings;
     SpanScratch& s = worker.scratch;
     const int n = s.span.n;
-    const bool blur = settings.filter_glossy > 0.0f;
-    if (blur) {
+    const auto can_blur = [](const ClosureSlot& slot) { return closure_alphas(slot.type) > 0; };
+    if (settings.filter_glossy > 0.0f && std::any_of(program.slots.begin(), program.slots.end(), can_blur)) {
         const float inverse = 1.0f / settings.filter_glossy;
         bool any = false;
         for (int i = 0; i < n; ++i) {
@@ -189,11 +192,11 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
 
 }  // namespace
 
-int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors) {
+int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, const int32_t* shaders, int n, film::TileFilm& tile, int32_t* survivors) {
     SpanScratch& s = worker.scratch;
     StageClock clock(context, worker.counters);
-    gather_span(context, worker, lanes, n);
-    const shader::CompiledShader& compiled = context.programs->shaders[size_t(s.itmp[0])];
+    gather_span(context, worker, lanes, shaders, n);
+    const shader::CompiledShader& compiled = context.programs->shaders[size_t(shaders[0])];
     geometry::shade_points(*context.scene, worker.paths.hit, worker.paths.origin, lanes, n, s.span, s.error);
     s.span.error = s.error;
 
@@ -227,12 +230,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
             closure_sampling_weight(slot, slot_columns(slot, s.registers), geometry, n, weight);
             for (int i = 0; i < n; ++i) s.weight_sum[i] += weight[i];
         }
-        TALBOT_VECTOR_LOOP
-        for (int i = 0; i < n; ++i) {
-            const Vec2 r = sample_pair(s.span.key[i], s.span.sample[i], pair_dimension(s.span.vertex[i], Pair::Roulette));
-            s.roulette_u[i] = r.x;
-            s.roulette_v[i] = r.y;
-        }
+        sample_pairs(s.span, Pair::Roulette, s.roulette_u, s.roulette_v);
         clock.lap(Stage::Surface);
         if (context.emitter_summary.has_local) sample_light(context, worker, program, geometry, light::Stratum::Local);
         if (context.emitter_summary.has_distant) sample_light(context, worker, program, geometry, light::Stratum::Distant);
@@ -242,10 +240,10 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
     // Lanes that did not survive are free: survivors keep the span's order, so one walk finds the others.
     int k = 0;
     for (int i = 0; i < n; ++i) {
-        if (k < alive && survivors[k] == lanes[i])
-            ++k;
-        else
-            worker.free_lanes[worker.free_count++] = lanes[i];
+        const bool lives = (k < alive) & (survivors[k < alive ? k : 0] == lanes[i]);
+        worker.free_lanes[worker.free_count] = lanes[i];
+        worker.free_count += !lives;
+        k += lives;
     }
     clock.lap(Stage::Scatter);
     return alive;

@@ -4,6 +4,7 @@
 #include <ctime>
 
 #include "base/math.h"
+#include "base/sobol.h"
 #include "geometry/surface.h"
 #include "integrator/kernels.h"
 
@@ -30,9 +31,9 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
 /// stay, in their order.
 int end_paths(const RenderContext& context, Worker& worker, int n);
 
-/// Up to kSpan lanes whose shaders share a program: emission, light samples into the shadow queue, next direction. Writes the lanes that go on to
+/// Up to kSpan lanes whose `shaders` share a program: emission, light samples into the shadow queue, next direction. Writes the lanes that go on to
 /// `survivors` and returns their number.
-int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile, int32_t* survivors);
+int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, const int32_t* shaders, int n, film::TileFilm& tile, int32_t* survivors);
 
 /// First-hit passes of camera paths in the span whose program has run.
 void write_data_passes(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, film::TileFilm& tile);
@@ -118,6 +119,19 @@ TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
     return transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
 }
 
+/// One pair of the sampler for each lane's vertex.
+TALBOT_INLINE void sample_pairs(const shader::ShadingSpan& span, Pair pair, Column u, Column v) {
+    const uint32_t* __restrict key = span.key;
+    const uint32_t* __restrict sample = span.sample;
+    const uint32_t* __restrict vertex = span.vertex;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < span.n; ++i) {
+        const Vec2 p = sample_pair(key[i], sample[i], pair_dimension(vertex[i], pair));
+        u[i] = p.x;
+        v[i] = p.y;
+    }
+}
+
 /// Scales a contribution whose channels sum to more than `limit` (0: no limit); non-finite becomes black.
 TALBOT_INLINE Rgb clamp_contribution(Rgb c, float limit) {
     const float s = std::fabs(c.x) + std::fabs(c.y) + std::fabs(c.z);
@@ -126,11 +140,21 @@ TALBOT_INLINE Rgb clamp_contribution(Rgb c, float limit) {
     return {finite ? c.x * scale : 0.0f, finite ? c.y * scale : 0.0f, finite ? c.z * scale : 0.0f};
 }
 
+/// After how many scatterings, and how many transparent surfaces in a row, Russian roulette begins.
+struct RouletteStart {
+    int light = 0, transparent = 0;
+};
+TALBOT_INLINE RouletteStart roulette_start(const scene::Settings& settings) {
+    return {settings.min_light_bounces + 1, settings.min_transparent_bounces + 1};
+}
+
 /// Probability with which Russian roulette lets a path go on that has arrived at a surface. The square root ends paths later than their throughput
 /// alone would: what the eye sees of a picture is closer to the root of radiance.
-TALBOT_INLINE float survival_probability(const scene::Settings& settings, int32_t flags, int32_t bounces, int crossed, Rgb throughput) {
-    const bool plays = flags & kPathCrossed ? crossed > settings.min_transparent_bounces + 1 : total_bounces(bounces) > settings.min_light_bounces + 1;
-    return plays ? minf(1.0f, std::sqrt(max_component(throughput))) : 1.0f;
+TALBOT_INLINE float survival_probability(RouletteStart start, int32_t flags, int32_t bounces, int crossed, Rgb throughput) {
+    const bool straight_on = (flags & kPathCrossed) != 0;
+    const int met = straight_on ? crossed : total_bounces(bounces), first = straight_on ? start.transparent : start.light;
+    const float keep = minf(1.0f, std::sqrt(max_component(throughput)));
+    return met > first ? keep : 1.0f;
 }
 
 /// Power heuristic [Veach 1997, eq. 9.13 with beta = 2].

@@ -15,10 +15,11 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     const scene::Camera& camera = *context.camera;
 
     // Lanes that write, and the transparency of what they meet.
+    const uint32_t first_sample = uint32_t(context.settings->first_sample);
     int n = 0;
     for (int i = 0; i < span.n; ++i) {
         s.list[n] = i;
-        n += (s.path_flags[i] & kPathSeesBackground) != 0;
+        n += ((s.path_flags[i] & kPathSeesBackground) != 0) & (layout.data_sums | (span.sample[i] == first_sample));
     }
     if (n == 0) return;
     fill(s.tmp, span.n, 0.0f);
@@ -149,7 +150,7 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     }
 
     // One sample's values, each overwritten by what follows on the way to that surface.
-    keep([&](int i) { return span.sample[i] == uint32_t(context.settings->first_sample); });
+    keep([&](int i) { return span.sample[i] == first_sample; });
     weigh([](int) { return 1.0f; });
     scalar(PassKind::Depth, [&](int i) { return planar ? dot(load(span.p, i) - eye, axis) : distance(i); });
     scalar(PassKind::ObjectIndex, [&](int i) { return float(context.scene->objects[span.object[i]].pass_index); });

@@ -45,11 +45,16 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         }
         if (n == 0) continue;
         group.n = n;
-        gather(emitter, group.lane, n, group.emitter);
-        gather3(query.p, group.lane, n, {group.px, group.py, group.pz});
-        gather(query.u, group.lane, n, group.u);
-        gather(query.v, group.lane, n, group.v);
-        gather(query.pick_v, group.lane, n, group.part);
+        // Mostly all lanes: then plain copies serve.
+        const bool whole = n == query.n;
+        const auto take = [&](const auto* from, auto* to) { whole ? void(std::memcpy(to, from, size_t(n) * 4)) : gather(from, group.lane, n, to); };
+        take(emitter, group.emitter);
+        take(query.p.x, group.px);
+        take(query.p.y, group.py);
+        take(query.p.z, group.pz);
+        take(query.u, group.u);
+        take(query.v, group.v);
+        take(query.pick_v, group.part);
         for (int i = 0; i < n; ++i) group.depth[i] = query.bounce[group.lane[i]] + 1;
         switch (kind) {
             case EmitterKind::Rect:
@@ -74,20 +79,37 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
             apply_lamp_programs(table, programs, context, scratch, found.lamp, false, points, nullptr, group.depth, n, {found.r, found.g, found.b});
         }
 
-        const uint8_t is_delta = kind == EmitterKind::Point;
+        float chance[kSpan];
+        int32_t shines[kSpan];
+        take(probability, chance);
+        TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
-            const int lane = group.lane[i];
-            const Rgb radiance{found.r[i], found.g[i], found.b[i]};
-            const float pdf = found.pdf[i] * probability[lane];
-            if (is_black(radiance) || !(pdf > 0.0f) || !(pdf < 1e30f) || query.bounce[lane] > found.max_bounces[i]) continue;
-            store(out.wi, lane, {found.x[i], found.y[i], found.z[i]});
-            store(out.radiance, lane, radiance);
-            out.distance[lane] = found.distance[i];
-            out.pdf[lane] = pdf;
-            out.is_delta[lane] = is_delta || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
-            out.casts_shadow[lane] = found.casts_shadow[i];
-            out.visibility[lane] = found.visibility[i];
+            const float pdf = found.pdf[i] * chance[i];
+            const bool dark = (found.r[i] == 0.0f) & (found.g[i] == 0.0f) & (found.b[i] == 0.0f);
+            shines[i] = !dark & (pdf > 0.0f) & (pdf < 1e30f) & (group.depth[i] - 1 <= found.max_bounces[i]);
+            found.pdf[i] = pdf;
         }
+        const auto put = [&](const auto* from, auto* to) {
+            if (whole) {
+                for (int i = 0; i < n; ++i) to[i] = shines[i] ? from[i] : to[i];
+            } else {
+                for (int i = 0; i < n; ++i)
+                    if (shines[i]) to[group.lane[i]] = from[i];
+            }
+        };
+        put(found.x, out.wi.x);
+        put(found.y, out.wi.y);
+        put(found.z, out.wi.z);
+        put(found.r, out.radiance.x);
+        put(found.g, out.radiance.y);
+        put(found.b, out.radiance.z);
+        put(found.distance, out.distance);
+        put(found.pdf, out.pdf);
+        put(found.visibility, out.visibility);
+        put(found.casts_shadow, out.casts_shadow);
+        const uint8_t is_delta = kind == EmitterKind::Point;
+        for (int i = 0; i < n; ++i)
+            out.is_delta[group.lane[i]] = is_delta || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
     }
 }
 

@@ -43,6 +43,12 @@ TALBOT_INLINE float sum_abs(Vec3 v) {
     return lane_abs(v.x) + lane_abs(v.y) + lane_abs(v.z);
 }
 
+/// The sum, 0 to 2 pi, of two angles of 0 to pi with cosines a and sines b: of the product of a0 + i b0 and a1 + i b1.
+TALBOT_INLINE float sum_of_angles(float a0, float b0, float a1, float b1) {
+    const float angle = lane_atan2(a0 * b1 + b0 * a1, a0 * a1 - b0 * b1);
+    return angle < 0.0f ? angle + kTwoPi : angle;
+}
+
 TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     RectView v;
     const Vec3 d = r.center - o;
@@ -67,14 +73,12 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     const float q0 = 1.0f / (z2 + v.y0 * v.y0), q1 = 1.0f / (z2 + v.x1 * v.x1), q2 = 1.0f / (z2 + v.y1 * v.y1), q3 = 1.0f / (z2 + v.x0 * v.x0);
     const float n0 = -v.y0 * std::sqrt(q0), n1 = v.x1 * std::sqrt(q1), n2 = v.y1 * std::sqrt(q2), n3 = -v.x0 * std::sqrt(q3);
     const float c0 = z2 * q0, c1 = z2 * q1, c2 = z2 * q2, c3 = z2 * q3;
-    const float g0 = lane_atan2(std::sqrt(maxf(c0 + c1 - c0 * c1, 0.0f)), -n0 * n1);
-    const float g1 = lane_atan2(std::sqrt(maxf(c1 + c2 - c1 * c2, 0.0f)), -n1 * n2);
-    const float g2 = lane_atan2(std::sqrt(maxf(c2 + c3 - c2 * c3, 0.0f)), -n2 * n3);
-    const float g3 = lane_atan2(std::sqrt(maxf(c3 + c0 - c3 * c0, 0.0f)), -n3 * n0);
+    const float b0 = std::sqrt(maxf(c0 + c1 - c0 * c1, 0.0f)), b1 = std::sqrt(maxf(c1 + c2 - c1 * c2, 0.0f)), b2 = std::sqrt(maxf(c2 + c3 - c2 * c3, 0.0f)),
+                b3 = std::sqrt(maxf(c3 + c0 - c3 * c0, 0.0f));
     v.n0 = n0;
     v.n2 = n2;
-    v.k = kTwoPi - g2 - g3;
-    v.solid_angle = (g0 - v.k) + g1;
+    v.k = kTwoPi - sum_of_angles(-n2 * n3, b2, -n3 * n0, b3);
+    v.solid_angle = sum_of_angles(-n0 * n1, b0, -n1 * n2, b1) - v.k;
     v.by_angle = v.solid_angle - (r.is_ellipse > 0.0f ? kEllipseBySolidAngle : kRectBySolidAngle);
     v.by_ellipse = r.is_ellipse > 0.0f ? clipped - ellipse : 0.0f;
     v.inv_area = 1.0f / maxf(v.by_ellipse > 0.0f ? ellipse : clipped, 1e-37f);
