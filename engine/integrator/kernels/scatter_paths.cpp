@@ -15,23 +15,27 @@ constexpr float kInfinity = 3.0e38f;
 /// Slot of each lane with probability slot_weight / weight_sum; -1 where nothing scatters. Its weight goes to tmp2, its LobeKind to list2.
 void choose_slots(SpanScratch& s, const shader::Program& program) {
     const int n = s.span.n;
+    const IntColumn chosen = s.chosen, lobe = s.list2;
+    const Column left = s.tmp, its_weight = s.tmp2;
+    const ConstColumn u = s.u0, sum = s.weight_sum;
+    TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        s.chosen[i] = -1;
-        s.list2[i] = int32_t(LobeKind::None);
-        s.tmp[i] = s.u0[i] * s.weight_sum[i];
-        s.tmp2[i] = 0.0f;
+        chosen[i] = -1;
+        lobe[i] = int32_t(LobeKind::None);
+        left[i] = u[i] * sum[i];
+        its_weight[i] = 0.0f;
     }
     for (int k = 0; k < int(program.slots.size()); ++k) {
-        const float* weight = s.slot_weight + size_t(k) * kSpan;
-        const int32_t lobe = int32_t(program.slots[size_t(k)].lobe);
+        const ConstColumn weight = s.slot_weight + size_t(k) * kSpan;
+        const int32_t kind = int32_t(program.slots[size_t(k)].lobe);
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             // The last slot with any weight catches what rounding leaves over.
-            const bool open = (s.tmp[i] >= 0.0f) & (weight[i] > 0.0f);
-            s.chosen[i] = open ? k : s.chosen[i];
-            s.list2[i] = open ? lobe : s.list2[i];
-            s.tmp2[i] = open ? weight[i] : s.tmp2[i];
-            s.tmp[i] = s.tmp[i] - weight[i];
+            const bool open = (left[i] >= 0.0f) & (weight[i] > 0.0f);
+            chosen[i] = open ? k : chosen[i];
+            lobe[i] = open ? kind : lobe[i];
+            its_weight[i] = open ? weight[i] : its_weight[i];
+            left[i] = left[i] - weight[i];
         }
     }
 }
