@@ -185,8 +185,8 @@ def test_light_passes(pair_scene: Any, tmp_path: Path) -> None:
         for part, part_short in (("direct", "Dir"), ("indirect", "Ind"), ("color", "Col")):
             setattr(layer, f"use_pass_{lobe}_{part}", True)
             long_name = f"{lobe.title()} {part.title()}"
-            # Smooth glass has no direct light. Glossy light is divided by an albedo that is an estimate: up to a third
-            # off at grazing angles from 4.0 on.
+            # Smooth glass has no direct light. Glossy light is divided by an albedo that is an estimate in both engines
+            # from 4.0 on: some percent apart at grazing angles.
             if lobe != "glossy" and long_name != "Transmission Direct":
                 names.append(long_name if bpy.app.version >= (5, 0, 0) else short + part_short)
     # The glass would throw fireflies.

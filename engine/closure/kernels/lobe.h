@@ -179,6 +179,15 @@ TALBOT_INLINE void sample_lanes(const LobeUniform& uniform, const ClosureColumns
     finish_samples<Lobe::kDiffuse>(k, c, g, n, out);
 }
 
+/// A lobe whose estimate is rough has a better one for the colour passes.
+template <class Lobe>
+TALBOT_INLINE Rgb mean_albedo(const Lobe& lobe, const LobeLane& lane) {
+    if constexpr (requires { lobe.mean_albedo(lane); })
+        return lobe.mean_albedo(lane);
+    else
+        return lobe.albedo(lane);
+}
+
 template <class Lobe>
 TALBOT_INLINE void albedo_lanes(const LobeUniform& uniform, const ClosureColumns& columns, const ClosureGeometry& geometry, int n, Columns3 out) {
     const LobeUniform u = uniform;
@@ -189,7 +198,7 @@ TALBOT_INLINE void albedo_lanes(const LobeUniform& uniform, const ClosureColumns
         const Rgb weight = load(c.weight, i);
         const LobeLane lane{load(c.normal, i), load(g.wo, i)};
         const Lobe lobe = Lobe::load(c.params, i, u);
-        const Rgb a = lobe.albedo(lane);
+        const Rgb a = mean_albedo(lobe, lane);
         out.x[i] = clean(a.x * weight.x);
         out.y[i] = clean(a.y * weight.y);
         out.z[i] = clean(a.z * weight.z);

@@ -1,6 +1,7 @@
 /// Microfacet reflection with every kind of Fresnel, and Ashikhmin-Shirley.
 #include "closure/microfacet.h"
 
+#include "closure/albedo.h"
 #include "closure/kernels/distribution.h"
 #include "closure/kernels/fresnel.h"
 #include "closure/kernels/warp.h"
@@ -9,15 +10,18 @@ namespace talbot {
 inline namespace TALBOT_ISA {
 namespace {
 
-/// Reflectance by half-vector cosine, one struct a kind; `p` are the columns after alpha and tangent.
+/// Reflectance by half-vector cosine, and its mean over a lobe seen at a cosine as Cycles has it in its colour passes: one struct a kind; `p` are the columns
+/// after alpha and tangent.
 struct NoFresnel {
     TALBOT_MEMBER static NoFresnel load(const float* const*, int) { return {}; }
     TALBOT_MEMBER Rgb at(float) const { return vec3(1.0f); }
+    TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct DielectricFresnel {
     float eta;
     TALBOT_MEMBER static DielectricFresnel load(const float* const* p, int i) { return {clampf(p[0][i], 1e-3f, 1e3f)}; }
     TALBOT_MEMBER Rgb at(float c) const { return vec3(fresnel_dielectric(c, eta)); }
+    TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct SchlickFresnel {
     float eta;
@@ -26,16 +30,19 @@ struct SchlickFresnel {
         return {clampf(p[0][i], 1e-3f, 1e3f), {saturate(p[1][i]), saturate(p[2][i]), saturate(p[3][i])}};
     }
     TALBOT_MEMBER Rgb at(float c) const { return lerp(f0, vec3(1.0f), fresnel_position(c, eta)); }
+    TALBOT_MEMBER Rgb over_lobe(float rough, float c) const { return lerp(f0, vec3(1.0f), mean_fresnel_position(rough, c, eta)); }
 };
 struct F82Fresnel {
     Rgb f0, b;
     TALBOT_MEMBER static F82Fresnel load(const float* const* p, int i) { return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}}; }
     TALBOT_MEMBER Rgb at(float c) const { return {fresnel_f82(c, f0.x, b.x), fresnel_f82(c, f0.y, b.y), fresnel_f82(c, f0.z, b.z)}; }
+    TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct ConductorFresnel {
     Rgb n, k;
     TALBOT_MEMBER static ConductorFresnel load(const float* const* p, int i) { return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}}; }
     TALBOT_MEMBER Rgb at(float c) const { return {fresnel_conductor(c, n.x, k.x), fresnel_conductor(c, n.y, k.y), fresnel_conductor(c, n.z, k.z)}; }
+    TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 
 template <class Fresnel, bool beckmann>
@@ -74,6 +81,7 @@ struct ReflectLobe {
                 (valid ? 0 : int32_t(kSampledFailed)) | (dist.sharp != 0 ? int32_t(kSampledDelta) : 0)};
     }
     TALBOT_MEMBER Rgb albedo(const LobeLane& lane) const { return fresnel.at(saturate(dot(lane.n, lane.wo))); }
+    TALBOT_MEMBER Rgb mean_albedo(const LobeLane& lane) const { return fresnel.over_lobe(dist.roughness(), saturate(dot(lane.n, lane.wo))); }
     TALBOT_MEMBER float roughness() const { return dist.roughness(); }
 };
 

@@ -42,6 +42,19 @@ TEST(Microfacet, AlbedoWithFresnel) {
     EXPECT_NEAR(reflected(0.5f, 0.2, dielectric, 502, {1.5f}), 0.0778907, 6e-4);
 }
 
+// What the colour passes show: the Fresnel reflectance over the lobe, as if no light were lost between the facets.
+TEST(Microfacet, ColourOfALobeIsTheMeanOfItsFresnel) {
+    const uint8_t schlick = uint8_t(FresnelKind::Schlick);
+    const std::vector<float> fresnel{1.5f, 0.04f, 0.04f, 0.04f};
+    for (const float alpha : {0.04f, 0.25f, 0.64f}) {
+        for (const double mu : {0.95, 0.5, 0.2}) {
+            Bench bench({"", ClosureType::Microfacet, reflect(alpha, alpha, fresnel), schlick, at_cosine(mu), 502});
+            const float expected = reflected(alpha, mu, schlick, 502, fresnel) / reflected(alpha, mu);
+            EXPECT_NEAR(bench.albedo().x, expected, 0.05f * expected) << alpha << " " << mu;
+        }
+    }
+}
+
 // Reflectances of a smooth pane of index 1.5, and Brewster's and the critical angle.
 TEST(Fresnel, SharpGlass) {
     const double angle[] = {0, 30, 45, 60, 75, 85}, expected[] = {0.04, 0.0415226, 0.0502399, 0.0891867, 0.2530606, 0.6127997};
