@@ -1,7 +1,9 @@
 #include "base/cpu.h"
 
 #include <array>
+#include <cstdint>
 #include <cstdlib>
+#include <fstream>
 
 #include "base/error.h"
 
@@ -42,6 +44,16 @@ std::string choose_isa() {
         if (machine_runs(isa)) best = isa;
     if (best.empty()) throw Error("this machine runs none of the compiled instruction sets");
     return best;
+}
+
+size_t available_memory() {
+    std::ifstream file("/proc/meminfo");
+    for (std::string name, unit; file >> name;) {
+        size_t kibibytes = 0;
+        if (name == "MemAvailable:" && file >> kibibytes) return kibibytes << 10;
+        std::getline(file, unit);
+    }
+    return SIZE_MAX;
 }
 
 }  // namespace talbot

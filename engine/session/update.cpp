@@ -66,18 +66,39 @@ void make_workers(Session::State& s) {
     for (auto& worker : data.workers) worker->counters = {};
 }
 
-void make_film(Session::State& s) {
-    const scene::Settings& settings = s.scene.settings;
-    const int width = settings.crop_width > 0 ? settings.crop_width : settings.width;
-    const int height = settings.crop_width > 0 ? settings.crop_height : settings.height;
-    std::vector<scene::PassKind> passes = s.scene.passes;
+struct FilmPlan {
+    film::FilmLayout layout;
+    int width = 0, height = 0;
+};
+
+FilmPlan plan_film(const scene::Scene& scene) {
+    const scene::Settings& settings = scene.settings;
+    std::vector<scene::PassKind> passes = scene.passes;
     if (settings.adaptive) passes.push_back(scene::PassKind::Combined);  // whose noise decides
-    auto film = std::make_unique<film::Film>(film::make_layout(passes), width, height, settings.adaptive);
+    const bool crop = settings.crop_width > 0;
+    return {film::make_layout(passes), crop ? settings.crop_width : settings.width, crop ? settings.crop_height : settings.height};
+}
+
+/// Before anything is built: a system that promises more memory than it has throws nothing, it ends the process when the memory is touched.
+void check_memory(const scene::Scene& scene) {
+    const FilmPlan plan = plan_film(scene);
+    // A pixel's sums, count and half buffer; Combined twice more, for whoever reads it and in the host's result.
+    const size_t pixel = size_t(plan.layout.stride) * sizeof(float) + sizeof(int32_t) + (scene.settings.adaptive ? 12 : 0) + 32;
+    const double needed = double(std::max(plan.width, 0)) * double(std::max(plan.height, 0)) * double(pixel), left = double(available_memory());
+    if (needed < left) return;
+    const auto gibibytes = [](double bytes) { return std::to_string(std::lround(bytes / (1 << 30))) + " GiB"; };
+    throw Error("Not enough memory: a picture of " + std::to_string(plan.width) + " x " + std::to_string(plan.height) + " pixels with these passes takes " +
+                gibibytes(needed) + ", " + gibibytes(left) + " are left");
+}
+
+void make_film(Session::State& s) {
+    const FilmPlan plan = plan_film(s.scene);
+    auto film = std::make_unique<film::Film>(plan.layout, plan.width, plan.height, s.scene.settings.adaptive);
     std::lock_guard lock(s.mutex);
     s.film = std::move(film);
     s.coarse.reset();
-    s.width = width;
-    s.height = height;
+    s.width = plan.width;
+    s.height = plan.height;
     s.progress.image_version++;
 }
 
@@ -99,6 +120,7 @@ void update_render_data(Session::State& s) {
         s.statistics.*field += seconds_since(t);
     };
     check_settings(scene.settings);
+    check_memory(scene);
     const auto begin = Clock::now();
     {
         std::lock_guard lock(s.mutex);

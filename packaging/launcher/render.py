@@ -28,6 +28,8 @@ def size(text: str) -> list[int]:
     match = re.fullmatch(r"(\d+)[xX](\d+)", text)
     if not match:
         raise argparse.ArgumentTypeError(f"{text!r} is not WIDTHxHEIGHT")
+    if not (4 <= int(match[1]) <= 65536 and 4 <= int(match[2]) <= 65536):
+        raise argparse.ArgumentTypeError(f"{text!r} is not within Blender's 4 to 65536 pixels")
     return [int(match[1]), int(match[2])]
 
 
@@ -85,6 +87,8 @@ class ProgressLine:
 def run(arguments: argparse.Namespace) -> int:
     path = scene_file(arguments.file)
     output = Path(arguments.output or (path.stem if arguments.file else "render")).absolute()
+    if output.is_dir() and arguments.output:
+        raise LauncherError(f"{output} is a folder: name the picture")
     if not output.suffix:
         output = output.with_name(output.name + ".png")
     if not output.parent.is_dir():

@@ -69,7 +69,13 @@ def test_help_and_unknown_commands(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [["render", "--size", "12"], ["render", "--samples", "0"], ["render", "--threads", "x"]]
+    "words",
+    [
+        ["render", "--size", "12"],
+        ["render", "--size", "0x0"],
+        ["render", "--samples", "0"],
+        ["render", "--threads", "x"],
+    ],
 )
 def test_bad_values_are_refused(words: list[str]) -> None:
     with pytest.raises(SystemExit) as end:

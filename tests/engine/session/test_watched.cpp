@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "base/cpu.h"
 #include "session/session.h"
 #include "support/scenes.h"
 
@@ -96,6 +97,24 @@ TEST(Watched, CancelEndsTheDenoising) {
         return;
     }
     FAIL() << "the denoising was never caught";
+}
+
+TEST(Watched, APictureBeyondTheMemoryIsRefusedInWords) {
+    if (available_memory() > size_t(1) << 38) GTEST_SKIP() << "this machine could";
+    Session session;
+    session.edit() = watched_scene();
+    session.edit().settings.width = session.edit().settings.height = 65536;
+    session.start();
+    while (!session.wait(1000)) {
+    }
+    EXPECT_EQ(session.progress().state, SessionState::Failed);
+    EXPECT_NE(session.error().find("Not enough memory: a picture of 65536 x 65536 pixels"), std::string::npos) << session.error();
+    EXPECT_TRUE(session.progress().status == session.error());
+    session.edit() = watched_scene();
+    session.start();
+    while (!session.wait(1000)) {
+    }
+    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
 }
 
 }  // namespace
