@@ -5,7 +5,7 @@ This module registers and unregisters, nothing else.
 
 import atexit
 
-from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, ui_motion, versions
+from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, ui_motion
 
 bl_info = {
     "name": "Talbot",
@@ -16,6 +16,10 @@ bl_info = {
     "location": "Properties > Render > Render Engine",
     "category": "Render",
 }
+
+VERSION = ".".join(map(str, bl_info["version"]))
+"""Also in the manifest. Read here: Blender takes `bl_info` from extensions once they are loaded, and the upgrade of a
+legacy add-on reloads this module alone."""
 
 _MODULES = (properties, engine, ui, ui_data, ui_layer, ui_motion, compat_ui)
 
@@ -30,7 +34,7 @@ def register() -> None:
     if other:
         print(f"Talbot: {other} is enabled already; disable it to use {__name__}")
         return
-    problem = native.load(versions.ADDON_VERSION)
+    problem = native.load(VERSION)
     if problem:
         print(f"Talbot: {problem}")
     for module in _MODULES:

@@ -4,9 +4,6 @@ from typing import Any
 
 import bpy
 
-ADDON_VERSION = "0.1.0"
-"""Also in `bl_info` (which extensions lose when they are loaded) and in the manifest; a test compares them."""
-
 MEASURED_VERSIONS = (304, 402, 405, 500, 502)
 """Versions whose nodes and lights were measured; the engine knows these numbers."""
 

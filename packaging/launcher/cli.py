@@ -58,7 +58,7 @@ def make_parser() -> argparse.ArgumentParser:
     ui.add_argument("--blender", metavar="WHICH", help="path to a Blender program")
     examine = commands.add_parser("doctor", help="say what was found and what is wrong")
     examine.add_argument("--blender", metavar="WHICH")
-    commands.add_parser("package", help="make the add-on zip in dist/")
+    package.add_arguments(commands.add_parser("package", help="make what users install, in dist/"))
     bench = commands.add_parser("bench", help="measure against Cycles", add_help=False)
     bench.add_argument("arguments", nargs=argparse.REMAINDER, metavar="[SCENES] [--blender WHICH]")
     return parser
@@ -83,7 +83,7 @@ def main(arguments: list[str]) -> int:
             return command_ui(parsed)
         if parsed.command == "doctor":
             return doctor.run(parsed.blender)
-        return package.run()
+        return package.run(parsed)
     except LauncherError as error:
         say(str(error))
         return 1

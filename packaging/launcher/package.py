@@ -1,33 +1,93 @@
-"""`./talbot package`: dist/talbot-VERSION.zip, both a legacy add-on (3.4) and an extension (4.2 and newer)."""
+"""`./talbot package`: wheel, extension and legacy add-on in dist/, with a native module that brings its libraries."""
 
 from __future__ import annotations
 
+import argparse
+import os
 import re
+import shutil
 import subprocess
+import tempfile
 import zipfile
 from pathlib import Path
 
 from launcher import native
+from launcher.bundle import archives, examine, headers, isolate, libraries
+from launcher.bundle.parts import DISTRIBUTION_PARTS, PARTS, SHARED_PARTS
 from launcher.common import CACHE, ROOT, LauncherError, project_version, say
 
-EPOCH = (1980, 1, 1, 0, 0, 0)  # same input, same bytes
+COMPILER_MAJOR = "12"  # Debian 12's; newer ones ask for newer C and C++ libraries than the bundle may need
+DIST = ROOT / "dist"
 
 
-def add_entry(archive: zipfile.ZipFile, name: str, data: bytes, mode: int) -> None:
-    info = zipfile.ZipInfo(name, EPOCH)
-    info.external_attr = mode << 16
-    info.compress_type = zipfile.ZIP_DEFLATED
-    archive.writestr(info, data)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--python",
+        action="append",
+        choices=headers.KNOWN_PYTHONS,
+        metavar="VERSION",
+        help=f"only for this Python, {' or '.join(headers.KNOWN_PYTHONS)} (may be repeated; default: all in one)",
+    )
 
 
-def check_manifest(folder: Path) -> None:
+def check_compiler() -> None:
+    result = subprocess.run(["c++", "-dumpfullversion"], capture_output=True, text=True)
+    if result.stdout.split(".")[0] != COMPILER_MAJOR:
+        raise LauncherError(
+            f"The bundle is made with g++ {COMPILER_MAJOR} on Debian 12, so that it runs on older systems; "
+            f"this is g++ {result.stdout.strip()}."
+        )
+
+
+def check_manifest(folder: Path) -> str:
+    """The manifest's text; its version has to be the project's."""
     path = folder / "blender_manifest.toml"
     if not path.exists():
         raise LauncherError(f"{path} is missing")
-    version = re.search(r'^version\s*=\s*"([^"]*)"', path.read_text(encoding="utf-8"), re.MULTILINE)
+    text = path.read_text(encoding="utf-8")
+    version = re.search(r'^version\s*=\s*"([^"]*)"', text, re.MULTILINE)
     if version is None or version[1] != project_version():
         said = version[1] if version else "nothing"
         raise LauncherError(f"{path} says version {said}, CMakeLists.txt says {project_version()}")
+    return text
+
+
+def build_native(pythons: list[str]) -> list[Path]:
+    """The native module for these Pythons and its shared libraries, checked. One build folder a choice of Pythons."""
+    prefix = libraries.build_all()
+    with native.locked(libraries.PLACE):
+        roots = [f"{version}={headers.python_include(version)}" for version in pythons]
+        pybind11 = headers.pybind11_include()
+    options = [
+        f"-DTALBOT_BUNDLE={prefix}",
+        f"-DTALBOT_BUNDLE_PYTHONS={';'.join(roots)}",
+        f"-DTALBOT_PYBIND11={pybind11}",
+        "-DTALBOT_TESTS=OFF",
+    ]
+    place = libraries.PLACE / f"talbot-{'-'.join(pythons)}"
+    native.build(["_talbot"], place, options)
+    with native.locked(libraries.PLACE):
+        files = isolate.isolate(place / "engine" / archives.MODULE, place / "isolated")
+    examine.check_bundle(files, isolate.PREFIX)
+    say(examine.describe(files))
+    return files
+
+
+def gather_notices(prefix: Path) -> dict[str, bytes]:
+    """The licences of everything inside, by the name of the part."""
+    found = {"talbot/LICENSE": (ROOT / "LICENSE").read_bytes()}
+    found |= archives.read_tree(prefix / "notices")
+    packages = {name: package for name, (_, package) in DISTRIBUTION_PARTS.items()}
+    packages |= {name: package for name, (_, package, _) in SHARED_PARTS.items()}
+    for name, package in packages.items():
+        found[f"{name}/copyright"] = Path(f"/usr/share/doc/{package}/copyright").read_bytes()
+    licences = {part.name: part.licence for part in PARTS}
+    licences |= {name: entry[0] for name, entry in (DISTRIBUTION_PARTS | SHARED_PARTS).items()}
+    licences["pybind11"] = "BSD-3-Clause"
+    lines = [f"{name}: {licence}\n" for name, licence in sorted(licences.items())]
+    found["README.txt"] = f"Talbot is GPL-3.0-or-later. Inside it are:\n\n{''.join(lines)}".encode()
+    found["pybind11/LICENSE"] = (headers.pybind11_include().parents[1] / "LICENSE").read_bytes()
+    return found
 
 
 def validate(path: Path) -> None:
@@ -42,29 +102,52 @@ def validate(path: Path) -> None:
         say(f"Checked with the extension tool of {tool.parents[4].name}.")
 
 
-def run() -> int:
-    folder = native.prepare() / "addons" / "talbot"
-    check_manifest(ROOT / "addon")
-    if native.native_module() is None:
-        raise LauncherError("The native module was not built.")
-    target = ROOT / "dist" / f"talbot-{project_version()}.zip"
-    target.parent.mkdir(exist_ok=True)
-    with zipfile.ZipFile(target, "w") as archive:
-        # Blender removes the old folder before an upgrade only when the archive has an entry for the folder itself;
-        # otherwise it overwrites a library that is mapped, and crashes.
-        add_entry(archive, "talbot/", b"", 0o40755)
-        for path in sorted(folder.rglob("*")):
-            if path.is_dir() or "__pycache__" in path.parts:
-                continue
-            data = path.read_bytes()
-            if path.suffix == ".so":
-                stripped = target.parent / path.name
-                subprocess.run(["strip", "-o", str(stripped), str(path)], check=True)
-                data = stripped.read_bytes()
-                stripped.unlink()
-            add_entry(archive, f"talbot/{path.relative_to(folder)}", data, 0o100644)
-        add_entry(archive, "talbot/LICENSE", (ROOT / "LICENSE").read_bytes(), 0o100644)
-    validate(target)
-    print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
-    say("It uses this machine's libraries (Embree, OpenImageIO ...): for other machines build it there.")
+def write_all(files: dict[str, bytes], target: Path) -> None:
+    """All or nothing: written beside, checked, then renamed into place."""
+    target.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target, prefix=".unfinished-") as scratch:
+        for name, data in files.items():
+            path = Path(scratch) / name
+            with open(path, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if zipfile.ZipFile(path).testzip() is not None:
+                raise LauncherError(f"{path} was not written as it should")
+            if "-linux-" in name:
+                validate(path)
+        for name in files:
+            os.replace(Path(scratch) / name, target / name)
+
+
+def gather(pythons: list[str]) -> archives.Contents:
+    """Builds what goes into the packages."""
+    check_compiler()
+    manifest = check_manifest(ROOT / "addon")
+    files = {path.name: path.read_bytes() for path in build_native(pythons)}
+    notices = gather_notices(libraries.PREFIX)
+    return archives.Contents(archives.read_addon(), files, notices, manifest, pythons, project_version())
+
+
+def package(contents: archives.Contents, target: Path) -> list[Path]:
+    """Writes the three files: extension, legacy add-on, wheel."""
+    files = archives.make_all(contents)
+    wheel = files[archives.wheel_name(contents)]
+    unpacked = archives.unpacked_size(wheel) + sum(len(data) for data in contents.addon.values())
+    examine.check_sizes({name: len(data) for name, data in files.items()}, unpacked)
+    try:
+        write_all(files, target)
+    except OSError as error:
+        raise LauncherError(f"Nothing was packaged: {target} cannot be written: {error.strerror}.") from None
+    return [target / name for name in files]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    free = shutil.disk_usage(ROOT).free
+    if free < 4e9 and not libraries.PREFIX.exists():
+        raise LauncherError(f"The libraries of the bundle take 3 GB to build; {free / 1e9:.1f} GB are free.")
+    pythons = sorted(set(arguments.python or headers.DEFAULT_PYTHONS), key=lambda text: int(text.split(".")[1]))
+    for path in package(gather(pythons), DIST):
+        data = path.read_bytes()
+        print(f"{path} ({len(data) / 1e6:.1f} MB, {archives.unpacked_size(data) / 1e6:.1f} MB unpacked)")
     return 0

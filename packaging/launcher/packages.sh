@@ -6,6 +6,9 @@ talbot_build_packages="cmake ninja-build g++ pkg-config libembree-dev libopenima
   libimath-dev libopenexr-dev libopenvdb-dev libboost-dev libtbb-dev pybind11-dev python3 python3-dev python3-venv python3-pip
   python3-numpy python3-pytest libgtest-dev"
 
+# What `./talbot package` builds its libraries from, beside their sources.
+talbot_bundle_packages="nasm libboost-thread-dev libfmt-dev robin-map-dev"
+
 talbot_wanted_packages() {
   local command=${1-help} word which=system
   for word in "$@"; do
@@ -17,11 +20,12 @@ talbot_wanted_packages() {
     render | blender | ui | bench | test | doctor | package) echo "$talbot_build_packages" ;;
     *) echo python3 && return ;;
   esac
-  if [ "$which" = system ] || [ "$command" = test ]; then echo blender; fi
+  if { [ "$which" = system ] && [ "$command" != package ]; } || [ "$command" = test ]; then echo blender; fi
   if [ "${which#bpy-}" != "$which" ] || [ "$command" = test ]; then
     # What the official builds expect of the system.
     echo libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
   fi
+  case "$command $* " in package* | *" --packaged "*) echo "$talbot_bundle_packages" ;; esac
   if [ "$command" = test ]; then
     echo clang-format xvfb xauth
     case " $* " in *" --sanitize "*) echo clang libclang-rt-dev ;; esac

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from launcher import hosts, native, sanitize
+from launcher import hosts, native, packaged, sanitize
 from launcher.common import BUILD, CACHE, ROOT, STAGE, LauncherError, say
 from launcher.tally import Tally, run_check, run_ctest, run_reporting, skip_check
 
@@ -25,6 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="Blender 4.2 and 4.5 too")
     parser.add_argument(
         "--sanitize", action="store_true", help="C++ tests and dumped scenes under the sanitizers, by clang"
+    )
+    parser.add_argument(
+        "--packaged",
+        action="store_true",
+        help="what `./talbot package` makes, in every Blender, from install to uninstall",
     )
     parser.add_argument("--filter", metavar="X", help="only tests whose name contains X; no lint")
     parser.add_argument(
@@ -134,11 +139,13 @@ def run_in_blender(which: str, name_filter: str | None) -> Tally:
 
 def run(arguments: argparse.Namespace) -> int:
     tally = Tally()
-    if not arguments.filter and not arguments.blender:
+    if not arguments.filter and not arguments.blender and not arguments.packaged:
         tally += lint()
     try:
         if arguments.sanitize:
             tally += sanitize.run(arguments.filter)
+        elif arguments.packaged:
+            tally += packaged.run(arguments.blender)
         else:
             tally += run_all(arguments)
     except LauncherError as error:

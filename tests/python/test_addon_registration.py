@@ -23,7 +23,7 @@ def test_versions_agree() -> None:
     source = Path(talbot.__file__).read_text(encoding="utf-8")
     legacy = re.search(r'"version": \((\d+), (\d+), (\d+)\)', source)
     assert found and legacy
-    assert found[1] == ".".join(legacy.groups()) == versions.ADDON_VERSION
+    assert found[1] == ".".join(legacy.groups()) == talbot.VERSION
 
 
 def test_registers_without_bl_info(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,22 @@
+# The engine's libraries as the distribution has them.
+find_package(embree 4 QUIET)
+if(NOT embree_FOUND)
+  find_package(embree 3 REQUIRED)
+endif()
+find_package(OpenImageIO REQUIRED)
+# Debian's OpenImageIO target names OpenCV's headers, which are only there with OpenCV's development package. We use neither.
+get_target_property(oiio_includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)
+set(oiio_present "")
+foreach(directory ${oiio_includes})
+  if(EXISTS ${directory})
+    list(APPEND oiio_present ${directory})
+  endif()
+endforeach()
+set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${oiio_present}" INTERFACE_SYSTEM_INCLUDE_DIRECTORIES "")
+# Debian 12 ships a pkg-config file for OpenColorIO, later ones CMake's.
+find_package(OpenColorIO QUIET)
+if(NOT TARGET OpenColorIO::OpenColorIO)
+  find_package(PkgConfig REQUIRED)
+  pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)
+  add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
+endif()

@@ -1,0 +1,167 @@
+"""`./talbot test --packaged`: what users install, in every Blender at hand, from installing to leaving.
+
+Each host runs the system build once for comparison; then, with its libraries private and in the global scope (as in the
+official program), three processes: one that installs, renders and upgrades; one that finds it installed and removes it;
+one that uses the wheel as a Python package. tests/packaged/session.py has the steps.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from launcher import hosts, native, package
+from launcher.bundle import archives, headers
+from launcher.common import BUILD, ROOT, STAGE, LauncherError
+from launcher.tally import Tally, run_reporting
+
+PLACE = BUILD / "packaged"
+SESSION = ROOT / "tests" / "packaged" / "session.py"
+HOSTS = ("system", "bpy-4.2", "bpy-4.5", "bpy-5.0")
+SECONDS = 1800.0
+# Of the picture's mean. Embree, TBB and the compiler are the system build's; codecs are of other versions.
+TOLERANCE = 1e-4
+NEXT_VERSION = "99.0.0"
+
+STAGE_STEPS = ["install", "pictures"]
+FIRST_STEPS = [
+    "cycles_alone",
+    "load_another_embree",
+    "install",
+    "pictures",
+    "in_turn_with_cycles",
+    "who_answers",
+    "denoise",
+    "threads",
+    "disable_and_enable",
+    "second_copy",
+    "upgrade",
+    "downgrade",
+]
+SECOND_STEPS = ["enable", "one_picture", "uninstall"]
+PACKAGE_STEPS = ["install", "one_picture", "who_answers"]
+
+
+@dataclass
+class Files:
+    """What is tested. `upgrade` is the same with a higher version in the Python part: new Python, old library."""
+
+    extension: Path
+    legacy: Path
+    wheel: Path
+    extension_upgrade: Path
+    legacy_upgrade: Path
+
+
+def next_version(contents: archives.Contents) -> archives.Contents:
+    """The same with a higher version in the Python part and the names; the native module keeps its own."""
+    old, new = contents.version, NEXT_VERSION
+    texts = {f'"{old}"': f'"{new}"', f"({', '.join(old.split('.'))})": f"({', '.join(new.split('.'))})"}
+
+    def renamed(text: str) -> str:
+        for before, after in texts.items():
+            text = text.replace(before, after)
+        return text
+
+    addon = {name: renamed(data.decode()).encode() for name, data in contents.addon.items()}
+    return replace(contents, addon=addon, manifest=renamed(contents.manifest), version=new)
+
+
+def make_files() -> Files:
+    contents = package.gather(list(headers.DEFAULT_PYTHONS))
+    extension, legacy, wheel = package.package(contents, PLACE / "files")
+    next_extension, next_legacy, _ = package.package(next_version(contents), PLACE / "files")
+    return Files(extension, legacy, wheel, next_extension, next_legacy)
+
+
+def session_environment(host: hosts.Host, user: Path, site: Path | None) -> dict[str, str]:
+    """Nothing of the user's, nothing of the stage: only what the session installs (or the wheel in `site`)."""
+    environment = {key: value for key, value in host.environment.items() if not key.startswith("BLENDER_USER_")}
+    environment |= {"BLENDER_USER_RESOURCES": str(user), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("PYTHONPATH", None)
+    if site is not None:
+        environment["PYTHONPATH"] = str(site)
+    return environment
+
+
+def run_session(
+    host: hosts.Host, kind: str, steps: list[str], files: Files, as_program: bool = False, **more: Any
+) -> Tally:
+    """One process; how it ends counts."""
+    scope = "global scope" if as_program else "own scope"
+    title = f"{host.name}, {kind}, {scope}"
+    name = re.sub(r"\W+", "-", f"{title} {steps[0]}")
+    user = PLACE / "user" / re.sub(r"\W+", "-", title)
+    if more.pop("fresh", True):
+        shutil.rmtree(user, ignore_errors=True)
+    user.mkdir(parents=True, exist_ok=True)
+    report = PLACE / "reports" / f"{name}.xml"
+    report.parent.mkdir(parents=True, exist_ok=True)
+    folder = PLACE / "pictures" / host.name
+    folder.mkdir(parents=True, exist_ok=True)
+    job = {
+        "title": title,
+        "kind": kind,
+        "host": host.name,
+        "as_program": as_program,
+        "steps": steps,
+        "report": str(report),
+        "folder": str(folder),
+        "packaging": str(ROOT / "packaging"),
+        "tolerance": TOLERANCE,
+        "zip": str(files.extension if kind == "extension" else files.legacy),
+        "upgrade": str(files.extension_upgrade if kind == "extension" else files.legacy_upgrade),
+        "legacy": str(files.legacy),
+    }
+    path = PLACE / "jobs" / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(job))
+    environment = session_environment(host, user, more.pop("site", None))
+    if kind == "stage":
+        environment["BLENDER_USER_SCRIPTS"] = str(STAGE)
+    if host.is_module:
+        command = [host.command[0], str(SESSION), str(path)]
+    else:
+        command = [*host.command, "-b", "--factory-startup", "--python-exit-code", "1"]
+        command += ["--python", str(SESSION), "--", str(path)]
+    return run_reporting(title, command, report, SECONDS, environment)
+
+
+def unpacked_wheel(wheel: Path) -> Path:
+    """As pip would put it; pip itself must accept it too."""
+    site = PLACE / "site"
+    shutil.rmtree(site, ignore_errors=True)
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    command += ["--no-index", "--target", str(site), str(wheel)]
+    result = subprocess.run(command, capture_output=True, text=True)
+    if result.returncode != 0:
+        raise LauncherError(f"pip refuses {wheel.name}: {result.stderr.strip()}")
+    return site
+
+
+def test_host(which: str, files: Files, site: Path) -> Tally:
+    host = hosts.find_host(which, STAGE)
+    tally = run_session(host, "stage", STAGE_STEPS, files)
+    kind = "extension" if host.is_module else "legacy"
+    for as_program in (False, True) if host.is_module else (False,):
+        tally += run_session(host, kind, FIRST_STEPS, files, as_program)
+        tally += run_session(host, kind, SECOND_STEPS, files, as_program, fresh=False)
+    if host.is_module:
+        tally += run_session(host, "pip", PACKAGE_STEPS, files, site=site)
+    return tally
+
+
+def run(which: list[str] | None) -> Tally:
+    native.prepare()
+    files = make_files()
+    site = unpacked_wheel(files.wheel)
+    tally = Tally(passed=1)  # pip took the wheel
+    for name in which or HOSTS:
+        tally += test_host(name, files, site)
+    return tally
