@@ -22,6 +22,7 @@ VERSION = ".".join(map(str, bl_info["version"]))
 legacy add-on reloads this module alone."""
 
 _MODULES = (properties, engine, ui, ui_data, ui_layer, ui_motion, compat_ui)
+_registered = False
 
 
 def register() -> None:
@@ -30,6 +31,7 @@ def register() -> None:
     Of two installed copies (an extension and a legacy add-on, say) the first one stays: they would answer for each
     other.
     """
+    global _registered
     other = engine.registered_elsewhere()
     if other:
         print(f"Talbot: {other} is enabled already; disable it to use {__name__}")
@@ -39,12 +41,17 @@ def register() -> None:
         print(f"Talbot: {problem}")
     for module in _MODULES:
         module.register()
+    _registered = True
     # Some Blender builds hang or crash at exit when a Python RenderEngine is still registered.
     atexit.register(unregister)
 
 
 def unregister() -> None:
     """Undoes `register`; may be called twice, and at exit when Blender has torn half of it down."""
+    global _registered
     atexit.unregister(unregister)
+    if not _registered:
+        return  # what is there belongs to another copy
+    _registered = False
     for module in reversed(_MODULES):
         module.unregister()

@@ -280,6 +280,7 @@ def second_copy() -> None:
     check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
     bpy.ops.preferences.addon_disable(module="talbot")
     check(has_engine(), "disabling the second copy took the first along")
+    remove_legacy()
     check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
 
 
@@ -297,17 +298,21 @@ def downgrade() -> None:
     check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
 
 
+def remove_legacy() -> None:
+    try:
+        bpy.ops.preferences.addon_remove(module="talbot")
+    except RuntimeError as error:
+        # Without a window it fails after its work is done.
+        check("tag_redraw" in str(error), str(error))
+
+
 def uninstall() -> None:
     if JOB["kind"] == "extension":
         repos = list(bpy.context.preferences.extensions.repos)
         index = next(index for index, repo in enumerate(repos) if repo.module == "user_default")
         bpy.ops.extensions.package_uninstall(repo_directory=repos[index].directory, repo_index=index, pkg_id="talbot")
     else:
-        try:
-            bpy.ops.preferences.addon_remove(module="talbot")
-        except RuntimeError as error:
-            # Without a window it fails after its work is done.
-            check("tag_redraw" in str(error), str(error))
+        remove_legacy()
     check(not has_engine(), "the engine is still there")
     left = [path for path in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("_talbot*")]
     check(left == [], f"left behind: {left}")

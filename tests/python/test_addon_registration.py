@@ -63,13 +63,14 @@ def test_a_second_copy_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     other = type("OtherEngine", (bpy.types.RenderEngine,), {"bl_idname": "TALBOT", "bl_label": "Other"})
     other.__module__ = "bl_ext.user_default.talbot.engine"
     bpy.utils.register_class(other)
+    bpy.types.Scene.talbot = bpy.props.IntProperty()
     try:
         talbot.register()
         assert "bl_ext.user_default.talbot is enabled already" in capsys.readouterr().out
-        assert not hasattr(bpy.types.Scene, "talbot")
         talbot.unregister()
-        assert other.is_registered
+        assert other.is_registered and isinstance(bpy.context.scene.talbot, int)
     finally:
+        del bpy.types.Scene.talbot
         bpy.utils.unregister_class(other)
         talbot.register()
     assert hasattr(bpy.types.Scene, "talbot")
