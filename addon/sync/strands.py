@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import versions
-from .context import ACTIVE_COLOR, ACTIVE_UV, GENERATED, SyncContext
+from .context import ACTIVE_COLOR, ACTIVE_UV, CURVE_NORMAL, GENERATED, SyncContext
 from .hashes import mixed_keys
 from .mesh import INTEGERS, VALUE_FIELDS, read_column
 
@@ -212,6 +212,8 @@ def read_curves(context: SyncContext, data: Any, scene: Any) -> dict[str, Any] |
     ]
     if GENERATED in context.wanted:
         attributes.append((GENERATED, "FACE", False, _generated(positions, positions[starts[:-1]])))
+    if CURVE_NORMAL in context.wanted and hasattr(data, "normals"):
+        attributes.append((CURVE_NORMAL, "VERTEX", False, read_column(data.normals, "vector", keys, np.float32, 3)))
     attributes += _generic(context, data, {"POINT": ("VERTEX", keys), "CURVE": ("FACE", curves)})
     return {
         "positions": positions,

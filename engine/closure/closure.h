@@ -36,8 +36,12 @@ enum class ClosureType : uint8_t {
     PrincipledDiffuseV1,    ///< roughness
     PrincipledSheenV1,      ///< no parameters
     PrincipledClearcoatV1,  ///< alpha (GTR1); the model's factor 1/4 belongs into the weight
-    Emission,               ///< not a scattering lobe: radiance = weight
-    Holdout,                ///< absorbs and removes alpha
+    HairChiang,             ///< parameters of this and the following: hair.h
+    HairHuang,
+    HairReflection,
+    HairTransmission,
+    Emission,  ///< not a scattering lobe: radiance = weight
+    Holdout,   ///< absorbs and removes alpha
 };
 
 /// Lobes as Blender's passes and bounce limits group them.
@@ -101,18 +105,25 @@ void closure_eval(const ClosureSlot& slot, const ClosureColumns& c, const Closur
 void closure_sample(const ClosureSlot& slot, const ClosureColumns& c, const ClosureGeometry& g, const float* u, const float* v, const float* w, int n,
                     const ClosureSamples& out);
 
-/// How many of the first parameters are roughnesses (alpha).
-TALBOT_INLINE int closure_alphas(ClosureType type) {
+/// Which parameters are roughnesses (alpha).
+struct AlphaRange {
+    int first = 0, count = 0;
+};
+TALBOT_INLINE AlphaRange closure_alphas(ClosureType type) {
     switch (type) {
         case ClosureType::Microfacet:
         case ClosureType::MicrofacetRefract:
         case ClosureType::AshikhminShirley:
-            return 2;
+            return {0, 2};
         case ClosureType::MicrofacetGlass:
         case ClosureType::PrincipledClearcoatV1:
-            return 1;
+            return {0, 1};
+        case ClosureType::HairChiang:
+            return {6, 3};
+        case ClosureType::HairHuang:
+            return {9, 1};
         default:
-            return 0;
+            return {};
     }
 }
 

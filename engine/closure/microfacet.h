@@ -8,9 +8,10 @@
 ///                        Schlick    ior, F0(3): dielectric curve of `ior` remapped to run from F0 to 1 (Principled specular, both generations)
 ///                        F82        F0(3), B(3): F0 + (1 - F0) s^5 - B c s^6, s = 1 - c [Kutz et al. 2021, "Novel aspects of the Adobe Standard Material"]
 ///                        Conductor  n(3), k(3): exact Fresnel of an absorbing medium
+///                        SchlickFilm, F82Film, ConductorFilm: the same, then thickness (nm) and index of a thin film (kernels/thin_film.h)
 ///   MicrofacetRefract  alpha_x alpha_y tangent(3) ior. Transmits 1 but for total internal reflection, which absorbs.
 ///   MicrofacetGlass    alpha ior F0 scale(3) reflection tint(3) transmission tint(3). Isotropic. The dielectric curve is remapped to run from
-///                        F0(ior) * scale to 1.
+///                        F0(ior) * scale to 1. With SchlickFilm: then thickness and index of a thin film, relative to the viewer's side.
 ///   AshikhminShirley   alpha_x alpha_y tangent(3)
 ///
 /// Lanes whose alpha_x alpha_y is below the version's limit are sharp (delta), lanes whose index is 1 pass straight on.
@@ -22,7 +23,7 @@
 
 namespace talbot {
 
-enum class FresnelKind : uint8_t { None, Dielectric, Schlick, F82, Conductor };
+enum class FresnelKind : uint8_t { None, Dielectric, Schlick, F82, Conductor, SchlickFilm, F82Film, ConductorFilm };
 
 inline constexpr uint8_t kVariantFresnelMask = 15;
 inline constexpr uint8_t kVariantBeckmann = 16;     ///< else GGX
@@ -36,7 +37,7 @@ inline constexpr uint8_t microfacet_variant(FresnelKind fresnel, bool beckmann =
 
 /// Number of parameter columns after alpha_x, alpha_y, tangent.
 inline constexpr int fresnel_param_count(FresnelKind kind) {
-    constexpr int kCounts[] = {0, 1, 4, 6, 6};
+    constexpr int kCounts[] = {0, 1, 4, 6, 6, 6, 8, 8};
     return kCounts[int(kind)];
 }
 

@@ -2,10 +2,17 @@
 #pragma once
 
 #include "closure/microfacet.h"
+#include "closure/thin_film.h"
 #include "shader/closure_nodes.h"
 #include "shader/ops_closure.h"
 
 namespace talbot::shader {
+
+/// A thin film's sockets.
+struct Film {
+    Value thickness, ior;
+    bool exists = false;
+};
 
 /// Shorthand around a node while its closures are made.
 struct ClosureMaker {
@@ -68,10 +75,28 @@ struct ClosureMaker {
     /// Relative index beyond the surface: the reciprocal from behind.
     Value relative_index(Value ior) { return op(ClosureOp::GlassIndex, {ior, e.input(InputColumn::Backfacing)}); }
 
+    /// The node's thin film; none where the node has no such sockets or its thickness is known to be nothing.
+    Film thin_film() {
+        if (!n.has("Thin Film Thickness")) return {};
+        const Value thickness = n.value("Thin Film Thickness");
+        if (e.is_known(thickness) && !(e.known(thickness) > kThinnestFilm)) return {};
+        return {thickness, n.value("Thin Film IOR", 1.33f), true};
+    }
+    /// The index of the film's medium from the viewer's side, as relative_index.
+    Film relative(Film film, Value ior) {
+        const Value inside = e.div(film.ior, e.max(ior, 1e-3f));
+        film.ior = film.exists ? e.select(e.input(InputColumn::Backfacing), inside, film.ior) : film.ior;
+        return film;
+    }
+
     void reflection(Value3 weight, Value3 normal, const Width& w, FresnelKind kind, std::initializer_list<Value> fresnel, bool beckmann = false,
-                    bool compensated = false) {
+                    bool compensated = false, const Film& film = {}) {
         std::vector<Value> params{w.ax, w.ay, w.tangent.x, w.tangent.y, w.tangent.z};
         params.insert(params.end(), fresnel);
+        if (film.exists) {
+            params.insert(params.end(), {film.thickness, film.ior});
+            kind = kind == FresnelKind::Schlick ? FresnelKind::SchlickFilm : kind == FresnelKind::F82 ? FresnelKind::F82Film : FresnelKind::ConductorFilm;
+        }
         n.closure(ClosureType::Microfacet, LobeKind::Glossy, weight, normal, std::move(params), microfacet_variant(kind, beckmann, w.anisotropic, compensated));
     }
     void refraction(Value3 weight, Value3 normal, const Width& w, Value ior, bool beckmann = false) {
@@ -80,18 +105,15 @@ struct ClosureMaker {
     }
     /// f0: factor of the reflectance at normal incidence.
     void glass(Value3 weight, Value3 normal, Value alpha, Value ior, Value3 f0, Value3 reflect, Value3 transmit, bool beckmann = false,
-               bool compensated = false) {
-        n.closure(ClosureType::MicrofacetGlass, LobeKind::Transmission, weight, normal,
-                  {alpha, ior, f0.x, f0.y, f0.z, reflect.x, reflect.y, reflect.z, transmit.x, transmit.y, transmit.z},
-                  microfacet_variant(FresnelKind::None, beckmann, false, compensated));
+               bool compensated = false, const Film& film = {}) {
+        std::vector<Value> params{alpha, ior, f0.x, f0.y, f0.z, reflect.x, reflect.y, reflect.z, transmit.x, transmit.y, transmit.z};
+        if (film.exists) params.insert(params.end(), {film.thickness, film.ior});
+        n.closure(ClosureType::MicrofacetGlass, LobeKind::Transmission, weight, normal, std::move(params),
+                  microfacet_variant(film.exists ? FresnelKind::SchlickFilm : FresnelKind::None, beckmann, false, compensated));
     }
     void diffuse(Value3 weight, Value3 normal) { n.closure(ClosureType::Diffuse, LobeKind::Diffuse, weight, normal); }
     /// What lies below a layer of this albedo: weight times 1 - max(albedo).
     Value3 below(Value3 weight, Value3 albedo) { return e.mul(weight, e.saturate(e.one_minus(e.max_component(albedo)))); }
-
-    void warn_thin_film() {
-        if (n.has("Thin Film Thickness") && !is_zero(n.value("Thin Film Thickness"))) n.warn("Thin film is not supported yet: left out");
-    }
 };
 
 // The nodes that are not in compile_closures.cpp.
@@ -99,6 +121,8 @@ void compile_glossy(NodeContext& n, Value3 weight);
 void compile_glass(NodeContext& n, Value3 weight);
 void compile_refraction(NodeContext& n, Value3 weight);
 void compile_metallic(NodeContext& n, Value3 weight);
+void compile_hair(NodeContext& n, Value3 weight);
+void compile_principled_hair(NodeContext& n, Value3 weight);
 void compile_principled(NodeContext& n, Value3 weight);     ///< chooses the generation by version
 void compile_principled_v1(NodeContext& n, Value3 weight);  ///< before 4.0
 

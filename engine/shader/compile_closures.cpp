@@ -61,11 +61,6 @@ void compile_subsurface(NodeContext& n, Value3 weight) {
     if (!m.is_zero(n.value("Scale", 1))) n.warn("Subsurface scattering is not supported yet: rendered as diffuse of the same colour");
     m.diffuse(n.e.mul(weight, m.color("Color")), m.diffuse_normal(n.normal()));
 }
-void compile_hair(NodeContext& n, Value3 weight) {
-    ClosureMaker m(n);
-    n.warn("Hair closures are not supported yet: rendered as diffuse of the same colour");
-    m.diffuse(n.e.mul(weight, m.color("Color")), n.shading_normal());
-}
 void compile_portal(NodeContext& n, Value3 weight) {
     n.warn("Ray portals are not supported yet: rendered as transparent");
     compile_transparent(n, weight);
@@ -87,7 +82,7 @@ ClosureNode find_closure_node(const std::string& type) {
         {"ShaderNodeBsdfGlass", compile_glass},
         {"ShaderNodeBsdfGlossy", compile_glossy},
         {"ShaderNodeBsdfHair", compile_hair},
-        {"ShaderNodeBsdfHairPrincipled", compile_hair},
+        {"ShaderNodeBsdfHairPrincipled", compile_principled_hair},
         {"ShaderNodeBsdfMetallic", compile_metallic},
         {"ShaderNodeBsdfPrincipled", compile_principled},
         {"ShaderNodeBsdfRayPortal", compile_portal},

@@ -25,7 +25,6 @@ void compile_glass(NodeContext& n, Value3 weight) {
     ClosureMaker m(n);
     enum { MultiGgx, Ggx, Beckmann, Sharp };
     const int distribution = n.choice("distribution", {"MULTI_GGX", "GGX", "BECKMANN", "SHARP"}, Ggx);
-    m.warn_thin_film();
     const Value3 color = m.color("Color");
     const Value3 normal = m.glossy_normal(n.normal());
     const auto width = m.isotropic(distribution == Sharp ? n.e.literal(0) : n.value("Roughness"), normal);
@@ -40,7 +39,8 @@ void compile_glass(NodeContext& n, Value3 weight) {
         return;
     }
     const Value3 gain = distribution == MultiGgx ? m.glass_energy(normal, width.ax, ior, color) : m.white();
-    m.glass(n.e.mul(weight, gain), normal, width.ax, ior, m.white(), color, color, beckmann, distribution == MultiGgx);
+    const auto film = m.relative(m.thin_film(), n.value("IOR", 1.45f));
+    m.glass(n.e.mul(weight, gain), normal, width.ax, ior, m.white(), color, color, beckmann, distribution == MultiGgx, film);
 }
 
 void compile_refraction(NodeContext& n, Value3 weight) {
@@ -58,7 +58,7 @@ void compile_metallic(NodeContext& n, Value3 weight) {
     enum { MultiGgx, Ggx, Beckmann };
     const int distribution = n.choice("distribution", {"MULTI_GGX", "GGX", "BECKMANN"}, Ggx);
     const bool conductor = n.choice("fresnel_type", {"F82", "PHYSICAL_CONDUCTOR"}) == 1;
-    m.warn_thin_film();
+    const auto film = m.thin_film();
     const Value3 normal = m.glossy_normal(n.normal());
     const auto width = m.anisotropic(ClosureOp::PrincipledAlpha, n.value("Roughness", 0.5f), m.factor("Anisotropy"), "Rotation", normal);
     const bool multi = distribution == MultiGgx, beckmann = distribution == Beckmann;
@@ -66,14 +66,14 @@ void compile_metallic(NodeContext& n, Value3 weight) {
         const Value3 eta = e.max(n.vector("IOR"), 0.0f), k = e.max(n.vector("Extinction"), 0.0f);
         const Value3 mean = m.op3(ClosureOp::ConductorMean, {eta.x, eta.y, eta.z, k.x, k.y, k.z});
         const Value3 gain = multi ? m.reflect_energy(normal, width, mean) : m.white();
-        m.reflection(e.mul(weight, gain), normal, width, FresnelKind::Conductor, {eta.x, eta.y, eta.z, k.x, k.y, k.z}, beckmann);
+        m.reflection(e.mul(weight, gain), normal, width, FresnelKind::Conductor, {eta.x, eta.y, eta.z, k.x, k.y, k.z}, beckmann, false, film);
         return;
     }
     const Value3 f0 = m.color01("Base Color"), tint = m.color01("Edge Tint");
     const Value f82 = m.op(ClosureOp::F82, {f0.x, f0.y, f0.z, tint.x, tint.y, tint.z}, 6);
     const Value3 b = e.triple(f82), mean = e.triple(e.after(f82, 3));
     const Value3 gain = multi ? m.reflect_energy(normal, width, mean) : m.white();
-    m.reflection(e.mul(weight, gain), normal, width, FresnelKind::F82, {f0.x, f0.y, f0.z, b.x, b.y, b.z}, beckmann);
+    m.reflection(e.mul(weight, gain), normal, width, FresnelKind::F82, {f0.x, f0.y, f0.z, b.x, b.y, b.z}, beckmann, false, film);
 }
 
 }  // namespace talbot::shader

@@ -10,6 +10,7 @@ struct Layers : ClosureMaker {
     Value3 normal, glossy, coat;
     Value roughness, ior;
     bool multi;
+    Film film;
 
     Layers(NodeContext& node, Value3 w) : ClosureMaker(node), weight(w) {
         base = color("Base Color");
@@ -19,6 +20,7 @@ struct Layers : ClosureMaker {
         roughness = n.value("Roughness", 0.5f);
         ior = n.value("IOR", 1.5f);
         multi = n.choice("distribution", {"MULTI_GGX", "GGX"}) == 0;
+        film = thin_film();
     }
 
     void transparency() {
@@ -69,7 +71,8 @@ struct Layers : ClosureMaker {
         const Value f82 = op(ClosureOp::F82, {f0.x, f0.y, f0.z, tint.x, tint.y, tint.z}, 6);
         const Value3 b = e.triple(f82), mean = e.triple(e.after(f82, 3));
         const Value3 gain = multi ? reflect_energy(glossy, width, mean) : white();
-        reflection(e.mul(e.mul(weight, metallic), gain), glossy, width, FresnelKind::F82, {f0.x, f0.y, f0.z, b.x, b.y, b.z});
+        reflection(e.mul(e.mul(weight, metallic), gain), glossy, width, FresnelKind::F82, {f0.x, f0.y, f0.z, b.x, b.y, b.z}, false, false,
+                   n.semantics.metal_has_film ? film : Film{});
         weight = e.mul(weight, e.one_minus(metallic));
     }
 
@@ -80,7 +83,7 @@ struct Layers : ClosureMaker {
         const Value3 pass{e.sqrt(clamped.x), e.sqrt(clamped.y), e.sqrt(clamped.z)};
         const Value alpha = op(ClosureOp::AlphaFromRoughness, {roughness}), index = relative_index(ior);
         const Value3 gain = multi ? glass_energy(glossy, alpha, index, pass) : white();
-        glass(e.mul(e.mul(weight, amount), gain), glossy, alpha, index, color("Specular Tint"), white(), pass);
+        glass(e.mul(e.mul(weight, amount), gain), glossy, alpha, index, color("Specular Tint"), white(), pass, false, false, relative(film, ior));
         weight = e.mul(weight, e.one_minus(amount));
     }
 
@@ -89,13 +92,19 @@ struct Layers : ClosureMaker {
         const Value s =
             op(ClosureOp::Specular,
                {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, ior, n.value("Specular IOR Level", 0.5f), tint.x, tint.y, tint.z}, 8);
-        const Value3 f0 = e.triple(e.after(s, 1)), albedo = e.triple(e.after(s, 4));
+        const Value3 f0 = e.triple(e.after(s, 1));
+        Value3 albedo = e.triple(e.after(s, 4));
+        if (film.exists) {
+            const Value3 colored = op3(ClosureOp::FilmAlbedo, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, s, f0.x, f0.y, f0.z, film.thickness, film.ior,
+                                                               e.literal(n.semantics.film_fade)});
+            albedo = e.select(e.binary(BinaryKind::GreaterThan, film.thickness, e.literal(kThinnestFilm)), colored, albedo);
+        }
         Value3 gain = white(), layer = albedo;
         if (multi) {
             gain = reflect_energy(glossy, width, e.spread(e.after(s, 7)));
             layer = e.mul(albedo, specular_energy(width, e.after(s, 7)));
         }
-        reflection(e.mul(weight, gain), glossy, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z});
+        reflection(e.mul(weight, gain), glossy, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z}, false, false, film);
         weight = below(weight, layer);
     }
     /// Share of the compensated lobe that the estimate above, which loses nothing between the facets, has to be reduced to.
@@ -119,7 +128,6 @@ struct Layers : ClosureMaker {
 void compile_principled(NodeContext& n, Value3 weight) {
     if (n.semantics.version < 400) return compile_principled_v1(n, weight);
     Layers layers(n, weight);
-    layers.warn_thin_film();
     if (n.has("Thin Wall") && !layers.is_zero(n.value("Thin Wall"))) n.warn("Thin Wall is not supported yet: rendered as a solid");
     layers.transparency();
     layers.sheen();

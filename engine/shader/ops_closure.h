@@ -24,6 +24,11 @@ enum class ClosureOp : uint8_t {
     SpecularV1,          ///< base rgb, specular, tint, metallic -> index of the curve, F0 rgb, mean reflectance rgb
     SheenTintV1,         ///< base rgb, tint -> rgb
     GlassIndex,          ///< ior, backfacing -> relative index
+    FilmAlbedo,          ///< n, wo, index, F0 rgb, thickness, film's index, nm below which it fades -> reflectance rgb of the whole surface
+    HairWidths,          ///< roughness, radial roughness, coat -> longitudinal variance, azimuthal scale, variance of the first reflection
+    HairPigment,         ///< melanin, redness -> absorption rgb
+    HairColor,           ///< color rgb, radial roughness -> absorption rgb
+    HairSection,         ///< tangent, wo, n, curve's normal, aspect ratio -> major axis, 1 where the ray passes beside the elliptic fibre
 };
 
 }  // namespace talbot::shader

@@ -23,7 +23,7 @@ void dispatch(const ClosureSlot& slot, const LobeCall& call) {
             return run_diffuse(slot.type, call);
         case ClosureType::MicrofacetRefract:
         case ClosureType::MicrofacetGlass:
-            return run_interface(slot.type, (slot.variant & kVariantBeckmann) != 0, call);
+            return run_interface(slot.type, slot.variant, call);
         case ClosureType::Microfacet:
         case ClosureType::AshikhminShirley:
             return run_microfacet(slot.type, slot.variant, call);
@@ -37,6 +37,12 @@ void dispatch(const ClosureSlot& slot, const LobeCall& call) {
         case ClosureType::PrincipledSheenV1:
         case ClosureType::PrincipledClearcoatV1:
             return run_principled_v1(slot.type, call);
+        case ClosureType::HairChiang:
+        case ClosureType::HairReflection:
+        case ClosureType::HairTransmission:
+            return run_hair(slot.type, slot.variant, call);
+        case ClosureType::HairHuang:
+            return run_hair_huang(call);
         case ClosureType::Emission:
         case ClosureType::Holdout:
             return;
@@ -106,7 +112,8 @@ void closure_albedo(const ClosureSlot& slot, const ClosureColumns& c, const Clos
 }
 
 void closure_blur(const ClosureSlot& slot, float* const* params, const float* min_alpha, int n) {
-    for (int k = 0; k < closure_alphas(slot.type); ++k) {
+    const AlphaRange alphas = closure_alphas(slot.type);
+    for (int k = alphas.first; k < alphas.first + alphas.count; ++k) {
         Column alpha = params[k];
         ConstColumn lowest = min_alpha;
         for (int i = 0; i < n; ++i) alpha[i] = maxf(alpha[i], lowest[i]);

@@ -4,6 +4,8 @@
 /// times 0 is cleaned by the loops of lobe.h.
 #include "closure/kernels/distribution.h"
 #include "closure/kernels/fresnel.h"
+#include "closure/kernels/thin_film.h"
+#include "closure/microfacet.h"
 
 namespace talbot {
 inline namespace TALBOT_ISA {
@@ -101,21 +103,30 @@ struct RefractLobe {
     TALBOT_MEMBER float roughness() const { return face.dist.roughness(); }
 };
 
-template <bool beckmann>
+template <bool beckmann, bool has_film>
 struct GlassLobe {
     static constexpr bool kDiffuse = false, kTransmits = true;
     Interface<beckmann> face;
     Rgb f0, reflection, transmission;
+    ThinFilm film;
+    float fade;
 
     TALBOT_MEMBER static GlassLobe load(const float* const* p, int i, const LobeUniform& u) {
         const float base = f0_from_eta(clampf(p[1][i], 1e-3f, 1e3f));
         return {Interface<beckmann>::make(Distribution<beckmann>::make(p[0][i], p[0][i], u), {}, 0, p[1][i]),
                 {saturate(base * p[2][i]), saturate(base * p[3][i]), saturate(base * p[4][i])},
                 {p[5][i], p[6][i], p[7][i]},
-                {p[8][i], p[9][i], p[10][i]}};
+                {p[8][i], p[9][i], p[10][i]},
+                has_film ? ThinFilm{clampf(p[11][i], 0.0f, 1e6f), clampf(p[12][i], 1e-3f, 1e3f)} : ThinFilm{},
+                u.film_fade};
     }
     TALBOT_MEMBER void split(float c, Rgb& r, Rgb& t) const {
-        const Rgb f = lerp(f0, vec3(1.0f), fresnel_position(c, face.eta));
+        Rgb f = lerp(f0, vec3(1.0f), fresnel_position(c, face.eta));
+        if constexpr (has_film) {
+            const Rgb filmed = film_scaled(film_dielectric(c, film, fade, face.eta), f0, face.eta);
+            const bool covered = film.thickness > kThinnestFilm;
+            f = {covered ? filmed.x : f.x, covered ? filmed.y : f.y, covered ? filmed.z : f.z};
+        }
         // Total internal reflection leaves nothing to transmit even where F0 is tinted.
         r = f * reflection;
         t = (vec3(1.0f) - f) * transmission;
@@ -159,9 +170,11 @@ struct GlassLobe {
 
 }  // namespace
 
-void run_interface(ClosureType type, bool beckmann, const LobeCall& call) {
+void run_interface(ClosureType type, uint8_t variant, const LobeCall& call) {
+    const bool beckmann = (variant & kVariantBeckmann) != 0, film = FresnelKind(variant & kVariantFresnelMask) == FresnelKind::SchlickFilm;
     if (type == ClosureType::MicrofacetRefract) return beckmann ? run_lobe<RefractLobe<true>>(call) : run_lobe<RefractLobe<false>>(call);
-    return beckmann ? run_lobe<GlassLobe<true>>(call) : run_lobe<GlassLobe<false>>(call);
+    if (film) return beckmann ? run_lobe<GlassLobe<true, true>>(call) : run_lobe<GlassLobe<false, true>>(call);
+    return beckmann ? run_lobe<GlassLobe<true, false>>(call) : run_lobe<GlassLobe<false, false>>(call);
 }
 
 }  // namespace TALBOT_ISA

@@ -7,6 +7,7 @@
 ///   float      roughness() const
 ///   static constexpr bool kDiffuse                         bump shadowing of the diffuse kind
 ///   static constexpr bool kTransmits                       the far side of the surface may be reached
+///   static constexpr bool kFibre                           (hair only) round: neither bump shadowing nor a wrong side of the surface
 ///
 /// Everything is selects, no branches, so that the loops vectorise.
 #pragma once
@@ -27,6 +28,7 @@ struct LobeUniform {
     float bump_all = 1;     ///< 1: bump shadowing cuts glossy lobes too (5.0 and later)
     float separable = 0;    ///< 1: separable shadowing (before 4.0)
     float delta_limit = 0;  ///< alpha_x alpha_y at or below it: sharp
+    float film_fade = 1;    ///< nm: thinner films fade out
 };
 
 TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropic, bool correlated) {
@@ -38,6 +40,7 @@ TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropi
     u.bump_all = g.version < 500 ? 0.0f : 1.0f;
     u.separable = correlated ? 0.0f : u.old;
     u.delta_limit = g.version < 400 ? 1e-7f : 2e-10f;
+    u.film_fade = g.version < 500 ? 30.0f : 1.0f;
     return u;
 }
 
@@ -85,6 +88,11 @@ TALBOT_INLINE Vec3 to_world(const Frame& f, Vec3 v) {
     return f.x * v.x + f.y * v.y + f.z * v.z;
 }
 
+template <class Lobe>
+inline constexpr bool kIsFibre = requires {
+    Lobe::kFibre;
+};
+
 /// Darkens where bump mapping would let light through: n is the closure's normal, ns the interpolated one.
 /// Before 4.5: a polynomial for diffuse only. Later the GGX form of [Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
 /// Terminator Problem"] for diffuse and, from 5.0 on for all, nothing from directions that are above one normal and below the other.
@@ -122,7 +130,7 @@ TALBOT_INLINE void eval_lanes(const LobeUniform& uniform, const ClosureColumns& 
         const Rgb weight = load(c.weight, i);
         const Lobe lobe = Lobe::load(c.params, i, u);
         const LobeEval e = lobe.eval(lane, wi);
-        const float bump = bump_shadow<Lobe::kDiffuse>(u, lane.n, load(g.ns, i), wi);
+        const float bump = kIsFibre<Lobe> ? 1.0f : bump_shadow<Lobe::kDiffuse>(u, lane.n, load(g.ns, i), wi);
         const bool present = is_present(weight);
         f.x[i] = present ? clean(e.f.x * bump * weight.x) : 0.0f;
         f.y[i] = present ? clean(e.f.y * bump * weight.y) : 0.0f;
@@ -132,7 +140,7 @@ TALBOT_INLINE void eval_lanes(const LobeUniform& uniform, const ClosureColumns& 
 }
 
 /// What every sampled direction goes through: the closure's weight, bump shadowing, and the test against the real surface.
-template <bool diffuse>
+template <class Lobe>
 TALBOT_INLINE void finish_samples(const LobeUniform& k, const ClosureColumns& c, const ClosureGeometry& g, int n, const ClosureSamples& out) {
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
@@ -142,9 +150,10 @@ TALBOT_INLINE void finish_samples(const LobeUniform& k, const ClosureColumns& c,
         const float pdf = out.pdf[i];
         // A direction that leaves through the wrong side of the real surface is lost.
         const float side = dot(load(g.ng, i), wi);
-        const float outward = (flags & kSampledTransmit) != 0 ? -side : side;
+        const float out_of_surface = (flags & kSampledTransmit) != 0 ? -side : side;
+        const float outward = kIsFibre<Lobe> ? 1.0f : out_of_surface;
         // Sampled directions of glossy lobes are not cut, only evaluated ones.
-        const float bump = diffuse ? bump_shadow<diffuse>(k, normal, load(g.ns, i), wi) : 1.0f;
+        const float bump = Lobe::kDiffuse ? bump_shadow<Lobe::kDiffuse>(k, normal, load(g.ns, i), wi) : 1.0f;
         const Rgb r{clean(out.weight.x[i] * bump * weight.x), clean(out.weight.y[i] * bump * weight.y), clean(out.weight.z[i] * bump * weight.z)};
         const float length2 = dot(wi, wi);
         const bool ok = (outward > 0.0f) & (pdf > 0.0f) & (pdf < 1e30f) & ((flags & kSampledFailed) == 0) & is_present(r) & is_present(weight) &
@@ -176,7 +185,7 @@ TALBOT_INLINE void sample_lanes(const LobeUniform& uniform, const ClosureColumns
         out.roughness[i] = lobe.roughness();
         out.eta[i] = s.eta;
     }
-    finish_samples<Lobe::kDiffuse>(k, c, g, n, out);
+    finish_samples<Lobe>(k, c, g, n, out);
 }
 
 /// A lobe whose estimate is rough has a better one for the colour passes.
@@ -253,9 +262,11 @@ void run_lobe(const LobeCall& call) {
 /// One a family (file).
 void run_diffuse(ClosureType type, const LobeCall& call);
 void run_microfacet(ClosureType type, uint8_t variant, const LobeCall& call);
-void run_interface(ClosureType type, bool beckmann, const LobeCall& call);
+void run_interface(ClosureType type, uint8_t variant, const LobeCall& call);
 void run_sheen(ClosureType type, const LobeCall& call);
 void run_toon(ClosureType type, const LobeCall& call);
+void run_hair(ClosureType type, uint8_t variant, const LobeCall& call);
+void run_hair_huang(const LobeCall& call);
 void run_principled_v1(ClosureType type, const LobeCall& call);
 
 }  // namespace TALBOT_ISA

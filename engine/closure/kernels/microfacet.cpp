@@ -4,6 +4,7 @@
 #include "closure/albedo.h"
 #include "closure/kernels/distribution.h"
 #include "closure/kernels/fresnel.h"
+#include "closure/kernels/thin_film.h"
 #include "closure/kernels/warp.h"
 
 namespace talbot {
@@ -13,20 +14,20 @@ namespace {
 /// Reflectance by half-vector cosine, and its mean over a lobe seen at a cosine as Cycles has it in its colour passes: one struct a kind; `p` are the columns
 /// after alpha and tangent.
 struct NoFresnel {
-    TALBOT_MEMBER static NoFresnel load(const float* const*, int) { return {}; }
+    TALBOT_MEMBER static NoFresnel load(const float* const*, int, const LobeUniform&) { return {}; }
     TALBOT_MEMBER Rgb at(float) const { return vec3(1.0f); }
     TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct DielectricFresnel {
     float eta;
-    TALBOT_MEMBER static DielectricFresnel load(const float* const* p, int i) { return {clampf(p[0][i], 1e-3f, 1e3f)}; }
+    TALBOT_MEMBER static DielectricFresnel load(const float* const* p, int i, const LobeUniform&) { return {clampf(p[0][i], 1e-3f, 1e3f)}; }
     TALBOT_MEMBER Rgb at(float c) const { return vec3(fresnel_dielectric(c, eta)); }
     TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct SchlickFresnel {
     float eta;
     Rgb f0;
-    TALBOT_MEMBER static SchlickFresnel load(const float* const* p, int i) {
+    TALBOT_MEMBER static SchlickFresnel load(const float* const* p, int i, const LobeUniform&) {
         return {clampf(p[0][i], 1e-3f, 1e3f), {saturate(p[1][i]), saturate(p[2][i]), saturate(p[3][i])}};
     }
     TALBOT_MEMBER Rgb at(float c) const { return lerp(f0, vec3(1.0f), fresnel_position(c, eta)); }
@@ -34,15 +35,49 @@ struct SchlickFresnel {
 };
 struct F82Fresnel {
     Rgb f0, b;
-    TALBOT_MEMBER static F82Fresnel load(const float* const* p, int i) { return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}}; }
+    TALBOT_MEMBER static F82Fresnel load(const float* const* p, int i, const LobeUniform&) {
+        return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}};
+    }
     TALBOT_MEMBER Rgb at(float c) const { return {fresnel_f82(c, f0.x, b.x), fresnel_f82(c, f0.y, b.y), fresnel_f82(c, f0.z, b.z)}; }
     TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 struct ConductorFresnel {
     Rgb n, k;
-    TALBOT_MEMBER static ConductorFresnel load(const float* const* p, int i) { return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}}; }
+    TALBOT_MEMBER static ConductorFresnel load(const float* const* p, int i, const LobeUniform&) {
+        return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}};
+    }
     TALBOT_MEMBER Rgb at(float c) const { return {fresnel_conductor(c, n.x, k.x), fresnel_conductor(c, n.y, k.y), fresnel_conductor(c, n.z, k.z)}; }
     TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
+};
+
+/// A thin film over one of the above; where there is none, the plain curve.
+template <class Base, int columns>
+struct FilmFresnel {
+    Base base;
+    ThinFilm film;
+    float fade;
+    TALBOT_MEMBER static FilmFresnel load(const float* const* p, int i, const LobeUniform& u) {
+        return {Base::load(p, i, u), {clampf(p[columns][i], 0.0f, 1e6f), clampf(p[columns + 1][i], 1e-3f, 1e3f)}, u.film_fade};
+    }
+    TALBOT_MEMBER Rgb at(float c) const {
+        const Rgb f = filmed(base, saturate(c)), plain = base.at(c);
+        const bool covered = film.thickness > kThinnestFilm;
+        return {covered ? f.x : plain.x, covered ? f.y : plain.y, covered ? f.z : plain.z};
+    }
+    TALBOT_MEMBER Rgb filmed(const SchlickFresnel& s, float c) const { return film_scaled(film_dielectric(c, film, fade, s.eta), s.f0, s.eta); }
+    TALBOT_MEMBER Rgb filmed(const ConductorFresnel& s, float c) const { return film_conductor(c, film, fade, s.n, s.k, vec3(-1.0f)); }
+    /// Reflectances at 0 and 82 degrees as those of a metal [Gulbrandsen 2014, "Artist Friendly Metallic Fresnel"].
+    TALBOT_MEMBER Rgb filmed(const F82Fresnel& s, float c) const {
+        const Rgb edge = s.at(1.0f / 7.0f);
+        const float in[3][2] = {{s.f0.x, edge.x}, {s.f0.y, edge.y}, {s.f0.z, edge.z}};
+        float n[3], k[3];
+        for (int channel = 0; channel < 3; ++channel) {
+            const float r = clampf(in[channel][0], 0.0f, 0.999f), root = std::sqrt(r);
+            n[channel] = lerp((1.0f + root) / (1.0f - root), (1.0f - r) / (1.0f + r), in[channel][1]);
+            k[channel] = safe_sqrt((r * square(n[channel] + 1.0f) - square(n[channel] - 1.0f)) / (1.0f - r));
+        }
+        return film_conductor(c, film, fade, {n[0], n[1], n[2]}, {k[0], k[1], k[2]}, edge);
+    }
 };
 
 template <class Fresnel, bool beckmann>
@@ -54,7 +89,7 @@ struct ReflectLobe {
     Fresnel fresnel;
 
     TALBOT_MEMBER static ReflectLobe load(const float* const* p, int i, const LobeUniform& u) {
-        return {Distribution<beckmann>::make(p[0][i], p[1][i], u), {p[2][i], p[3][i], p[4][i]}, int32_t(u.anisotropic), Fresnel::load(p + 5, i)};
+        return {Distribution<beckmann>::make(p[0][i], p[1][i], u), {p[2][i], p[3][i], p[4][i]}, int32_t(u.anisotropic), Fresnel::load(p + 5, i, u)};
     }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi_world) const {
         const Frame frame = make_frame(lane.n, tangent, use_tangent != 0);
@@ -159,6 +194,12 @@ void run_reflect(FresnelKind kind, const LobeCall& call) {
             return run_lobe<ReflectLobe<F82Fresnel, beckmann>>(call);
         case FresnelKind::Conductor:
             return run_lobe<ReflectLobe<ConductorFresnel, beckmann>>(call);
+        case FresnelKind::SchlickFilm:
+            return run_lobe<ReflectLobe<FilmFresnel<SchlickFresnel, 4>, beckmann>>(call);
+        case FresnelKind::F82Film:
+            return run_lobe<ReflectLobe<FilmFresnel<F82Fresnel, 6>, beckmann>>(call);
+        case FresnelKind::ConductorFilm:
+            return run_lobe<ReflectLobe<FilmFresnel<ConductorFresnel, 6>, beckmann>>(call);
     }
 }
 

@@ -146,7 +146,7 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
     const scene::Settings& settings = *context.settings;
     SpanScratch& s = worker.scratch;
     const int n = s.span.n;
-    const auto can_blur = [](const ClosureSlot& slot) { return closure_alphas(slot.type) > 0; };
+    const auto can_blur = [](const ClosureSlot& slot) { return closure_alphas(slot.type).count > 0; };
     if (settings.filter_glossy > 0.0f && std::any_of(program.slots.begin(), program.slots.end(), can_blur)) {
         const float inverse = 1.0f / settings.filter_glossy;
         bool any = false;

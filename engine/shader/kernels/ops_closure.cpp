@@ -3,6 +3,7 @@
 #include "closure/albedo.h"
 #include "closure/kernels/fresnel.h"
 #include "closure/kernels/sheen_fit.h"
+#include "closure/kernels/thin_film.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {
@@ -89,6 +90,28 @@ TALBOT_INLINE Vec3 valid_reflection(Vec3 n, Vec3 ng, Vec3 wo) {
     const Vec3 bent = ng * z + x * s;
     const bool keep = (height >= least) | (l2 < 1e-12f) | (iz <= 0.0f);
     return {keep ? n.x : bent.x, keep ? n.y : bent.y, keep ? n.z : bent.z};
+}
+
+/// [Chiang et al. 2016], from perceptual roughness to variance and logistic scale, and from colour to absorption.
+TALBOT_INLINE float hair_variance(float b) {
+    const float b2 = b * b, b4 = b2 * b2, b16 = square(b4) * square(b4);
+    return square(0.726f * b + 0.812f * b2 + 3.7f * b16 * b4);
+}
+TALBOT_INLINE float hair_scale(float b) {
+    const float b2 = b * b, b4 = b2 * b2, b16 = square(b4) * square(b4);
+    return (0.265f * b + 1.194f * b2 + 5.372f * b16 * b4 * b2) * 0.62665706865775f;  // sqrt(pi / 8)
+}
+TALBOT_INLINE float hair_absorption(float color, float b) {
+    const float scale = ((((0.245f * b + 5.574f) * b - 10.73f) * b + 2.532f) * b - 0.215f) * b + 5.969f;
+    return square(lane_log(maxf(color, 0.0f)) / scale);
+}
+
+/// Any axis across the fibre, but the same all along it; where it has no normal of its own.
+TALBOT_INLINE Vec3 any_axis(Vec3 t) {
+    const bool diagonal = (t.x == t.y) & (t.x == t.z);
+    const float sign = diagonal ? -1.0f : 1.0f;
+    const Vec3 z{t.z - t.y, t.x - sign * t.z, sign * t.y - t.x};
+    return cross(t, z);
 }
 
 }  // namespace
@@ -191,6 +214,44 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
             return map2(r, n, [](float ior, float back) {
                 const float eta = clampf(ior, 1e-3f, 1e3f);
                 return back != 0.0f ? 1.0f / eta : eta;
+            });
+        case ClosureOp::FilmAlbedo:
+            return lanes<3, 13>(r, n, [](const float* in, float* out) {
+                const float eta = clampf(in[6], 1e-3f, 1e3f);
+                const ThinFilm film{clampf(in[10], 0.0f, 1e6f), clampf(in[11], 1e-3f, 1e3f)};
+                put(out, 0, film_scaled(film_dielectric(view_cosine(in), film, in[12], eta), at(in, 7), eta));
+            });
+        case ClosureOp::HairWidths:
+            return lanes<3, 3>(r, n, [](const float* in, float* out) {
+                const float along = clampf(in[0], 1e-3f, 1.0f), around = clampf(in[1], 1e-3f, 1.0f);
+                out[0] = hair_variance(along);
+                out[1] = hair_scale(around);
+                out[2] = hair_variance(clampf((1.0f - saturate(in[2])) * along, 1e-3f, 1.0f));
+            });
+        case ClosureOp::HairPigment:
+            return lanes<3, 2>(r, n, [](const float* in, float* out) {
+                const float amount = -lane_log(maxf(1.0f - in[0], 1e-4f));
+                const float eumelanin = amount * (1.0f - in[1]), pheomelanin = amount * in[1];
+                put(out, 0, Rgb{0.506f, 0.841f, 1.653f} * eumelanin + Rgb{0.343f, 0.733f, 1.924f} * pheomelanin);
+            });
+        case ClosureOp::HairColor:
+            return lanes<3, 4>(r, n, [](const float* in, float* out) {
+                for (int k = 0; k < 3; ++k) out[k] = hair_absorption(in[k], in[3]);
+            });
+        case ClosureOp::HairSection:
+            return lanes<4, 13>(r, n, [](const float* in, float* out) {
+                const Vec3 t = at(in, 0), wo = at(in, 3), own = at(in, 9);
+                const Vec3 across = own - t * dot(t, own);
+                const bool usable = (dot(across, across) > 1e-12f) & (dot(across, across) < 1e30f);
+                const Vec3 any = any_axis(t);
+                const Vec3 x = normalize(Vec3{usable ? across.x : any.x, usable ? across.y : any.y, usable ? across.z : any.z});
+                const Vec3 side = cross(t, wo);
+                const float h = dot(side, at(in, 6)), width2 = maxf(dot(side, side), 1e-12f);
+                const float ratio = clampf(in[12], 1e-2f, 1e2f), b = ratio > 1.0f ? 1.0f / ratio : ratio;
+                const float wx = dot(wo, x);
+                const float radius2 = 1.0f - (1.0f - b * b) * wx * wx / width2;
+                put(out, 0, x);
+                out[3] = h * h >= radius2 * width2 ? 1.0f : 0.0f;
             });
     }
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "closure/closure.h"
+#include "closure/hair.h"
 #include "closure/microfacet.h"
 
 namespace talbot::test {
@@ -155,6 +156,13 @@ inline std::vector<float> refract(float alpha, float ior) {
 inline std::vector<float> glass(float alpha, float ior) {
     return {alpha, ior, 1, 1, 1, 1, 1, 1, 1, 1, 1};
 }
+/// Brown fibres along +X.
+inline std::vector<float> chiang(float variance, float scale, float primary) {
+    return {1, 0, 0, 0.1f, 0.3f, 0.8f, variance, scale, primary, 0.05f, 1.55f};
+}
+inline std::vector<float> huang(float alpha, float ratio, float coverage) {
+    return {1, 0, 0, 0, 0.6f, 0.8f, 0.1f, 0.3f, 0.8f, alpha, 0.05f, 1.55f, ratio, 1, 1, 1, coverage};
+}
 inline constexpr uint8_t kBeckmann = kVariantBeckmann, kAniso = kVariantAnisotropic;
 
 /// Every closure that scatters, with its corners.
@@ -202,6 +210,17 @@ inline std::vector<Case> all_cases() {
         {"toon glossy", T::GlossyToon, {0.3f, 0.2f}, 0, tilted},
         {"v1 diffuse", T::PrincipledDiffuseV1, {0.5f}, 0, tilted, 304},
         {"v1 sheen", T::PrincipledSheenV1, {}, 0, tilted, 304},
+        {"chiang", T::HairChiang, chiang(0.08f, 0.15f, 0.05f), 0, tilted},
+        {"chiang smooth", T::HairChiang, chiang(0.02f, 0.1f, 0.02f), 0, direction(20, 80)},
+        {"chiang rough grazing", T::HairChiang, chiang(1.5f, 2.0f, 1.5f), 0, grazing},
+        {"chiang tilted light", T::HairChiang, chiang(0.08f, 0.15f, 0.05f), kVariantTiltsLight, tilted},
+        {"huang", T::HairHuang, huang(0.3f, 1.0f, 1.0f), 0, tilted},
+        {"huang near", T::HairHuang, huang(0.3f, 0.8f, 0.05f), 0, tilted},
+        {"huang elliptic", T::HairHuang, huang(0.6f, 0.6f, 1.0f), 0, direction(50, 70)},
+        {"huang smooth", T::HairHuang, huang(0.05f, 1.0f, 1.0f), 0, direction(20, 80)},
+        {"hair reflection", T::HairReflection, {1, 0, 0, 0.3f, 0.6f, -0.1f}, 0, tilted},
+        {"hair reflection smooth", T::HairReflection, {1, 0, 0, 0.05f, 0.1f, 0.1f}, 0, direction(20, 80)},
+        {"hair transmission", T::HairTransmission, {1, 0, 0, 0.3f, 0.6f, -0.1f}, 0, tilted},
         {"v1 clearcoat", T::PrincipledClearcoatV1, {0.09f}, 0, tilted, 304},
     };
 }

@@ -89,10 +89,7 @@ TEST(Nodes, WhatIsMissingIsNamed) {
     } cases[] = {
         {"ShaderNodeSubsurfaceScattering", {"Scale", 1}, "Subsurface"},
         {"ShaderNodeBsdfPrincipled", {"Subsurface Weight", 0.5f}, "Subsurface"},
-        {"ShaderNodeBsdfPrincipled", {"Thin Film Thickness", 400}, "Thin film"},
         {"ShaderNodeBsdfPrincipled", {"Thin Wall", 1}, "Thin Wall"},
-        {"ShaderNodeBsdfHair", {"Offset", 0}, "Hair"},
-        {"ShaderNodeBsdfHairPrincipled", {"Offset", 0}, "Hair"},
         {"ShaderNodeBsdfRayPortal", {"Offset", 0}, "portals"},
     };
     for (const auto& c : cases) {

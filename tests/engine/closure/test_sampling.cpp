@@ -53,6 +53,11 @@ double deviate(double chi2, int freedom) {
     return (std::cbrt(chi2 / freedom) - (1 - k)) / std::sqrt(k);
 }
 
+/// The fewer the longer a value takes.
+int sample_count(const Case& c) {
+    return c.type == ClosureType::HairHuang ? 20000 : 200000;
+}
+
 class EveryClosure : public testing::TestWithParam<int> {
 protected:
     Case current = all_cases()[size_t(GetParam())];
@@ -70,12 +75,13 @@ TEST_P(EveryClosure, SamplesFollowThePdf) {
                         bench.slot.type == ClosureType::PrincipledClearcoatV1 || bench.slot.type == ClosureType::MicrofacetGlass;
     const Sphere sphere(glossy ? n * (2 * dot(n, current.wo)) - current.wo : (bench.slot.type == ClosureType::MicrofacetRefract ? -current.wo : n));
     const std::vector<double> mass = expected_mass(bench, sphere);
-    constexpr int kSamples = 200000;
+    const int kSamples = sample_count(current);
     std::vector<double> seen(mass.size());
     double failed = 0;
     for (const Sample& s : bench.sample(kSamples)) (s.flags & kSampledFailed ? failed : seen[size_t(sphere.bin(s.wi))]) += 1;
     // The quadrature's own error, about 1 % of a cell, counts as variance; more where the pdf has an edge inside the sphere.
-    const bool edged = bench.slot.type == ClosureType::DiffuseToon || bench.slot.type == ClosureType::GlossyToon;
+    const bool edged = bench.slot.type == ClosureType::DiffuseToon || bench.slot.type == ClosureType::GlossyToon ||
+                       bench.slot.type == ClosureType::HairReflection || bench.slot.type == ClosureType::HairTransmission;
     const double quadrature = edged ? 0.08 : 0.01;
     double total = 0, chi2 = 0, pooled_expected = 0, pooled_seen = 0;
     int cells = 0;
@@ -92,7 +98,8 @@ TEST_P(EveryClosure, SamplesFollowThePdf) {
     }
     EXPECT_LT(total, edged ? 1.02 : 1.008);
     EXPECT_NEAR(failed / kSamples, 1 - total, edged ? 0.02 : 0.008);
-    EXPECT_NEAR(pooled_seen, pooled_expected, 6 * std::sqrt(pooled_expected + 1) + 0.02 * pooled_expected);
+    // So do the poles of a fibre, where its density grows without bound.
+    EXPECT_NEAR(pooled_seen, pooled_expected, 6 * std::sqrt(pooled_expected + 1) + 0.02 * pooled_expected + (edged ? 0.001 * kSamples : 0));
     ASSERT_GT(cells, 20);
     EXPECT_LT(deviate(chi2, cells - 1), 4.0) << "chi2 " << chi2 << " of " << cells;
 }
@@ -123,7 +130,7 @@ TEST_P(EveryClosure, ScattersNoMoreThanItReceives) {
     Bench bench(current);
     // Burley's diffuse is known to create up to 4 % at the front and more at grazing angles.
     const float most = current.type == ClosureType::PrincipledDiffuseV1 ? 1.06f : 1.005f;
-    const Rgb a = bench.scattered(200000);
+    const Rgb a = bench.scattered(sample_count(current));
     EXPECT_LT(max_component(a), most);
     EXPECT_GT(max_component(a), 0.0f);
 }
