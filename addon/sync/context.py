@@ -15,6 +15,8 @@ GENERATED = "@generated"
 INSTANCER = "@instancer"
 POINTINESS = "@pointiness"
 ISLAND = "@island"
+PARTICLE = "@particle"
+CURVE_NORMAL = "@curve_normal"
 PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER": "layer:"}
 """Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, the instancer's coordinates, and what
 topology gives."""

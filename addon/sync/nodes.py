@@ -16,9 +16,11 @@ from .context import (
     ACTIVE_COLOR,
     ACTIVE_TANGENT,
     ACTIVE_UV,
+    CURVE_NORMAL,
     GENERATED,
     INSTANCER,
     ISLAND,
+    PARTICLE,
     POINTINESS,
     PROPERTY_PREFIXES,
     SyncContext,
@@ -233,6 +235,10 @@ class GraphBuilder:
                 wanted.update((uv, f"@tangent:{uv}") if uv else (ACTIVE_UV, ACTIVE_TANGENT))
         elif kind in UNLINKED_GENERATED and vector_unlinked:
             wanted.add(GENERATED)
+        elif kind == "ShaderNodeParticleInfo":
+            wanted.add(PARTICLE)
+        elif kind == "ShaderNodeBsdfHairPrincipled" and properties.get("model") == "HUANG":
+            wanted.add(CURVE_NORMAL)
         # Anisotropic closures take their default tangent from Generated where their Tangent is unlinked.
         inputs = {i[0]: i for i in data["inputs"]}
         anisotropy = inputs.get("Anisotropic") or inputs.get("Anisotropy")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import versions
-from .context import INSTANCER, PROPERTY_PREFIXES, SyncContext
+from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext
 from .hashes import mixed_keys, name_key
 from .lights import light_values
 from .materials import ShaderSync
@@ -72,6 +72,8 @@ class Gathered:
     random: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
     is_instance: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     dupli: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    particles: dict[int, int] = field(default_factory=dict)
+    """Attribute set of the rows that show a particle, where a shader asks for it."""
 
 
 class ObjectPass:
@@ -142,7 +144,23 @@ class ObjectPass:
         properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))
         for record in out.records if properties else ():
             record.attribute_set = self._attribute_set(record.holders, properties)
+        if PARTICLE in wanted and any(dupli):
+            self._read_particles(instances)
         return out
+
+    def _read_particles(self, instances: Any) -> None:
+        """Instances one by one: Blender has no bulk call that tells their particles."""
+        out, frame = self.out, self.depsgraph.scene_eval.frame_current_final
+        shown = dict(zip(out.rows, out.which, strict=True))
+        for row, instance in enumerate(instances):
+            system = instance.particle_system if row in shown and instance.is_instance else None
+            if system is None:
+                continue
+            values = particle_values(system.particles, instance.persistent_id[0], frame)
+            if values:
+                kept = out.records[shown[row]].attribute_set
+                out.particles[row] = len(out.attribute_sets)
+                out.attribute_sets.append([*(out.attribute_sets[kept] if kept >= 0 else ()), *values])
 
     def _read_dupli(self, instances: Any, count: int) -> None:
         orco, uv = np.empty(count * 3, dtype=np.float32), np.empty(count * 2, dtype=np.float32)
@@ -278,6 +296,20 @@ class ObjectPass:
         return index
 
 
+def particle_values(particles: Any, index: int, frame: float) -> list[tuple[str, tuple[float, ...]]]:
+    """What Particle Info reads, by names as in engine/scene/view.h. Children of particles have nothing of the kind."""
+    if not 0 <= index < len(particles):
+        return []
+    particle = particles[index]
+    random = float(mixed_keys(np.array([index], dtype=np.uint32))[0]) / 0xFFFFFFFF
+    return [
+        ("@particle_state", (float(index), frame - particle.birth_time, particle.lifetime, particle.size)),
+        ("@particle_location", (*particle.location, random)),
+        ("@particle_velocity", tuple(particle.velocity)),
+        ("@particle_spin", tuple(particle.angular_velocity)),
+    ]
+
+
 def named_property(holder: Any, name: str) -> tuple[float, ...] | None:
     """A custom property of a datablock (of an object: or its data), or a property by its path, as 1 to 4 numbers."""
     for owner in (holder, getattr(holder, "data", None)):
@@ -315,6 +347,9 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
         table = np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
         return np.ascontiguousarray(table[which])
 
+    attribute_sets = column([r.attribute_set for r in records], np.int32)
+    for place, row in enumerate(gathered.rows if gathered.particles else ()):
+        attribute_sets[place] = gathered.particles.get(row, attribute_sets[place])
     flags = column([r.flags for r in records], np.uint32)
     flags |= gathered.is_instance[rows].astype(np.uint32) * np.uint32(IS_INSTANCE)
     arrays: dict[str, Any] = {
@@ -331,7 +366,7 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
         "flags": flags,
         "shading_offset": column([r.shading_offset for r in records], np.float32),
         "geometry_offset": column([r.geometry_offset for r in records], np.float32),
-        "attribute_set": column([r.attribute_set for r in records], np.int32),
+        "attribute_set": attribute_sets,
         "attribute_sets": gathered.attribute_sets,
     }
     if gathered.dupli is not None:

@@ -27,6 +27,15 @@ inline constexpr const char* kCenter = "@center";
 inline constexpr const char* kIntercept = "@intercept";
 inline constexpr const char* kLength = "@length";
 inline constexpr const char* kRandom = "@random";
+/// Normals at the keys of curves, object space.
+inline constexpr const char* kCurveNormal = "@curve_normal";
+
+/// And with an instance that shows a particle: index, age, lifetime (frames) and size; location and a random number; velocity; angular velocity, all
+/// as Blender has them.
+inline constexpr const char* kParticleState = "@particle_state";
+inline constexpr const char* kParticleLocation = "@particle_location";
+inline constexpr const char* kParticleVelocity = "@particle_velocity";
+inline constexpr const char* kParticleSpin = "@particle_spin";
 
 /// How many straight pieces a ribbon's segment is traced as: 1 to 16.
 int ribbon_pieces(const Mesh& mesh);

@@ -139,16 +139,21 @@ void compile_camera_data(NodeContext& n) {
     n.set("View Distance", e.length(c));
 }
 
+/// Between the viewer and the socket's normal, which is taken as it comes.
+Value facing(NodeContext& n) {
+    return n.e.dot(n.incoming(), n.linked("Normal") ? n.vector("Normal") : n.shading_normal());
+}
+
 void compile_fresnel(NodeContext& n) {
     Expressions& e = n.e;
     const Value eta = e.max(n.value("IOR", 1.5f), 1e-5f);
     const Value inside = e.select(e.input(I::Backfacing), e.div(e.literal(1), eta), eta);
-    n.set("Fac", e.emit(Op::Fresnel, 0, {e.dot(n.incoming(), n.normal()), inside}));
+    n.set("Fac", e.emit(Op::Fresnel, 0, {facing(n), inside}));
 }
 
 void compile_layer_weight(NodeContext& n) {
     Expressions& e = n.e;
-    const Value cosine = e.dot(n.incoming(), n.normal()), blend = n.value("Blend", 0.5f);
+    const Value cosine = facing(n), blend = n.value("Blend", 0.5f);
     const Value eta = e.max(e.one_minus(blend), 1e-5f);
     n.set("Fresnel", e.emit(Op::Fresnel, 0, {cosine, e.select(e.input(I::Backfacing), eta, e.div(e.literal(1), eta))}));
     const Value b = e.ternary(TernaryKind::Clamp, blend, e.literal(0), e.literal(1 - 1e-5f));
@@ -169,11 +174,22 @@ void compile_light_falloff(NodeContext& n) {
     n.set("Constant", e.mul(strength, e.select(far, e.literal(1), d2)));
 }
 
+/// What the synchronisation stores with each instance that a particle is shown as; zero elsewhere.
 void compile_particle_info(NodeContext& n) {
-    n.warn("Particle Info is not supported yet: its outputs are zero");
-    const Value zero = n.e.literal(0);
-    for (const char* name : {"Index", "Random", "Age", "Lifetime", "Size"}) n.set(name, zero);
-    for (const char* name : {"Location", "Velocity", "Angular Velocity"}) n.set_vector(name, n.e.spread(zero));
+    const auto stored = [&](const char* name) { return n.attribute(name, AttributeSource::Object); };
+    const auto state = stored(scene::kParticleState);
+    n.set("Index", state[0]);
+    n.set("Age", state[1]);
+    n.set("Lifetime", state[2]);
+    n.set("Size", state[3]);
+    const auto vector = [&](const char* output, const char* name) {
+        const auto a = stored(name);
+        n.set_vector(output, {a[0], a[1], a[2]});
+        return a[3];
+    };
+    n.set("Random", vector("Location", scene::kParticleLocation));
+    vector("Velocity", scene::kParticleVelocity);
+    vector("Angular Velocity", scene::kParticleSpin);
 }
 
 void compile_hair_info(NodeContext& n) {

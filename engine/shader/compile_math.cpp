@@ -164,7 +164,11 @@ enum Remap { kLinear, kStepped, kSmooth, kSmoother };
 Value remap(Expressions& e, Remap kind, Value x, Value low, Value high, Value steps) {
     const Value t = e.div(e.sub(x, low), e.sub(high, low));
     if (kind == kLinear) return t;
-    if (kind == kStepped) return e.div(e.unary(U::Floor, e.mul(t, e.add(steps, 1))), steps);
+    if (kind == kStepped) {
+        // Less than no steps: all of the way at its start.
+        const Value count = e.max(steps, 0.0f);
+        return e.div(e.unary(U::Floor, e.mul(t, e.add(count, 1))), count);
+    }
     const Value s = e.saturate(t), s2 = e.mul(s, s);
     if (kind == kSmooth) return e.mul(s2, e.sub(e.literal(3), e.mul(s, 2)));
     const Value inner = e.add(e.mul(s, e.add(e.mul(s, 6), -15)), 10);

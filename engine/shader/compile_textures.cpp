@@ -87,6 +87,8 @@ void compile_musgrave(NodeContext& n) {
     f.normalize = false;
     const Value octaves = e.ternary(TernaryKind::Clamp, n.value("Detail", 2), e.literal(0), e.literal(15));
     f.detail = e.max(e.add(octaves, -1.0f), 0.0f);
+    // Hetero terrain has a whole first octave always, and the fraction of the next one.
+    if (f.kind == NoiseKind::HeteroTerrain) f.detail = e.select(e.binary(BinaryKind::LessThan, octaves, e.literal(1)), octaves, f.detail);
     f.lacunarity = e.max(n.value("Lacunarity", 2), 1e-5f);
     f.roughness = e.binary(BinaryKind::Power, f.lacunarity, e.negate(e.max(n.value("Dimension", 2), 1e-5f)));
     f.offset = n.value("Offset", 0);
@@ -94,7 +96,7 @@ void compile_musgrave(NodeContext& n) {
     Value out = noise(n, p, dimensions, f);
     // Less than one octave fades the first one.
     const Value first = e.min(octaves, 1.0f);
-    if (f.kind == NoiseKind::Fbm) out = e.mul(out, first);
+    if (f.kind == NoiseKind::Fbm || f.kind == NoiseKind::HybridMultifractal) out = e.mul(out, first);
     if (f.kind == NoiseKind::Multifractal) out = e.add(e.mul(e.add(out, -1.0f), first), 1.0f);
     n.set("Fac", out);
 }
@@ -194,7 +196,7 @@ void compile_voronoi(NodeContext& n) {
     n.set("Distance", distance);
     n.set("Radius", distance);
     n.set_color("Color", color);
-    n.set_vector("Position", {e.div(position[0], scale), e.div(position[1], scale), e.div(position[2], scale)});
+    n.set_vector("Position", {e.div(position[0], scale), e.div(position[1], scale), dimensions == 2 ? e.literal(0) : e.div(position[2], scale)});
     n.set("W", e.div(dimensions == 1 ? position[0] : position[3], scale));
 }
 
@@ -239,7 +241,7 @@ void compile_brick(NodeContext& n) {
     const uint32_t offset_every = uint32_t(clampf(float(n.number("offset_frequency", 2)), 0, 99));
     const uint32_t squash_every = uint32_t(clampf(float(n.number("squash_frequency", 2)), 0, 99));
     const Value tint = e.emit(
-        Op::Brick, 0,
+        Op::Brick, n.semantics.brick_clamps ? 1 : 0,
         {p.x, p.y, p.z, n.value("Scale", 5), n.value("Mortar Size", 0.02f), n.value("Mortar Smooth", 0.1f), n.value("Bias"), n.value("Brick Width", 0.5f),
          n.value("Row Height", 0.25f), e.constant(float(n.number("offset", 0.5))), e.constant(float(n.number("squash", 1)))},
         2, offset_every | squash_every << 8);
@@ -283,11 +285,28 @@ void compile_gabor(NodeContext& n) {
     n.set("Intensity", e.after(out, 2));
 }
 
+void compile_radial_tiling(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value3 p = n.vector("Vector");
+    const Value out = e.emit(Op::RadialTiling, n.flag("normalize") ? 1 : 0, {p.x, p.y, n.value("Sides", 5), n.value("Roundness")}, 5);
+    n.set_vector("Segment Coordinates", {out, e.after(out, 1), e.literal(0)});
+    n.set("Segment ID", e.after(out, 2));
+    n.set("Segment Width", e.after(out, 3));
+    n.set("Segment Rotation", e.after(out, 4));
+}
+
 constexpr CatalogueEntry kEntries[] = {
-    {"ShaderNodeTexNoise", compile_noise},     {"ShaderNodeTexMusgrave", compile_musgrave}, {"ShaderNodeTexWhiteNoise", compile_white_noise},
-    {"ShaderNodeTexVoronoi", compile_voronoi}, {"ShaderNodeTexWave", compile_wave},         {"ShaderNodeTexMagic", compile_magic},
-    {"ShaderNodeTexBrick", compile_brick},     {"ShaderNodeTexChecker", compile_checker},   {"ShaderNodeTexGradient", compile_gradient},
+    {"ShaderNodeTexNoise", compile_noise},
+    {"ShaderNodeTexMusgrave", compile_musgrave},
+    {"ShaderNodeTexWhiteNoise", compile_white_noise},
+    {"ShaderNodeTexVoronoi", compile_voronoi},
+    {"ShaderNodeTexWave", compile_wave},
+    {"ShaderNodeTexMagic", compile_magic},
+    {"ShaderNodeTexBrick", compile_brick},
+    {"ShaderNodeTexChecker", compile_checker},
+    {"ShaderNodeTexGradient", compile_gradient},
     {"ShaderNodeTexGabor", compile_gabor},
+    {"ShaderNodeRadialTiling", compile_radial_tiling},
 };
 
 }  // namespace

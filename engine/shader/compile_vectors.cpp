@@ -67,10 +67,9 @@ void compile_vector_transform(NodeContext& n) {
         if (space == 1) v = n.to_object(v, k);
         if (space == 2) v = e.emit3(Op::CameraTransform, uint8_t(k), {v.x, v.y, v.z});
     };
-    if (from != to) {
-        transform(from, outwards[kind]);
-        transform(to, inwards[kind]);
-    }
+    if (from == to) return n.set_vector("Vector", kind == 2 && n.semantics.transform_normalizes ? e.normalize(v) : v);
+    transform(from, outwards[kind]);
+    transform(to, inwards[kind]);
     n.set_vector("Vector", kind == 2 ? e.normalize(v) : v);
 }
 
@@ -106,7 +105,9 @@ void compile_tangent(NodeContext& n) {
 void compile_normal_map(NodeContext& n) {
     Expressions& e = n.e;
     const int space = n.choice("space", {"TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"});
-    const Value strength = e.max(n.value("Strength", 1), 0.0f);
+    // In tangent space the strength scales the slope (and turns it round where it is negative), elsewhere it mixes normals.
+    const bool scales_slope = space == 0 && n.semantics.normal_map_scales_slope;
+    const Value strength = scales_slope ? n.value("Strength", 1) : e.max(n.value("Strength", 1), 0.0f);
     Value3 c = n.color("Color", {0.5f, 0.5f, 1});
     c = {e.add(e.mul(c.x, 2.0f), -1.0f), e.add(e.mul(c.y, 2.0f), -1.0f), e.add(e.mul(c.z, 2.0f), -1.0f)};
     if (n.text("convention", "OPENGL") == "DIRECTX") c.y = e.negate(c.y);
@@ -120,9 +121,10 @@ void compile_normal_map(NodeContext& n) {
         const Value3 t{a[0], a[1], a[2]};
         const Value3 normal = e.emit3(Op::VertexNormal, 0, {n.barycentric_u(), n.barycentric_v()});
         const Value3 b = e.mul(e.cross(normal, t), a[3]);
-        c = {e.mul(c.x, strength), e.mul(c.y, strength), e.lerp(e.literal(1), c.z, e.saturate(strength))};
+        if (scales_slope) c = {e.mul(c.x, strength), e.mul(c.y, strength), e.lerp(e.literal(1), c.z, e.saturate(strength))};
         const Value3 object = e.normalize(e.add(e.add(e.mul(t, c.x), e.mul(b, c.y)), e.mul(normal, c.z)));
-        const Value3 world = towards_viewer(safe(n.to_object(object, TransformKind::NormalToWorld)));
+        Value3 world = towards_viewer(safe(n.to_object(object, TransformKind::NormalToWorld)));
+        if (!scales_slope) world = safe(e.add(shading, e.mul(e.sub(world, shading), strength)));
         // Without tangents there is no frame: the surface's own normal stays.
         return n.set_vector("Normal", e.select(e.dot(t, t), world, shading));
     }

@@ -55,10 +55,14 @@ int GraphCompiler::add_shift(const Shift& shift) {
     return int(shifts_.size()) - 1;
 }
 
-bool GraphCompiler::is_value_link(const scene::NodeInput& input) const {
+bool GraphCompiler::is_value_link(const scene::NodeInput& input) {
     if (input.from_node < 0 || size_t(input.from_node) >= shader.graph.nodes.size()) return false;
-    const scene::NodeOutput* output = find_output(shader.graph.nodes[size_t(input.from_node)], input.from_output);
-    return output && output->kind != scene::SocketKind::Shader;
+    const scene::Node& from = shader.graph.nodes[size_t(input.from_node)];
+    const scene::NodeOutput* output = find_output(from, input.from_output);
+    if (!output || output->kind == scene::SocketKind::Shader) return false;
+    const bool known = find_value_node(from.type) != nullptr;
+    if (!known && unknown_.insert(input.from_node).second) warn(from, "Node type '" + from.type + "' is not supported: its links count as unlinked");
+    return known;
 }
 
 SocketValue GraphCompiler::output(int index, const std::string& identifier, int shift) {
@@ -80,7 +84,7 @@ SocketValue GraphCompiler::output(int index, const std::string& identifier, int 
         active_.insert({index, shift});
         ++depth_;
         results_[{index, shift}];
-        if (!run_node(index, shift)) warn(node, "Node type '" + node.type + "' is not supported: its outputs are zero");
+        run_node(index, shift);
         --depth_;
         active_.erase({index, shift});
         found = results_.find({index, shift});
@@ -89,12 +93,9 @@ SocketValue GraphCompiler::output(int index, const std::string& identifier, int 
     return value == found->second.end() ? zero() : value->second;
 }
 
-bool GraphCompiler::run_node(int index, int shift) {
-    const ValueNode compile = find_value_node(shader.graph.nodes[size_t(index)].type);
-    if (!compile) return false;
+void GraphCompiler::run_node(int index, int shift) {
     NodeContext context(*this, index, shift);
-    compile(context);
-    return true;
+    find_value_node(shader.graph.nodes[size_t(index)].type)(context);
 }
 
 int GraphCompiler::shader_source(const scene::NodeInput* input) const {

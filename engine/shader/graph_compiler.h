@@ -60,8 +60,9 @@ public:
     SocketValue output(int node, const std::string& identifier, int shift);
     void set(int node, int shift, const char* identifier, SocketValue v) { results_[{node, shift}][identifier] = v; }
     bool is_linked_output(int node, const std::string& identifier) const { return linked_outputs_.contains({node, identifier}); }
-    /// A link that counts: its source exists and is no shader.
-    bool is_value_link(const scene::NodeInput& input) const;
+    /// A link that counts: its source exists, is no shader, and its node is known. (Cycles leaves nodes out that it does not know: what they are linked to
+    /// keeps its own value.)
+    bool is_value_link(const scene::NodeInput& input);
     int add_shift(const Shift& shift);
     const Shift& shift(int index) const { return shifts_[size_t(index)]; }
     void warn(const scene::Node& node, const std::string& what);
@@ -75,7 +76,7 @@ public:
     ShaderValues values;
 
 private:
-    bool run_node(int node, int shift);
+    void run_node(int node, int shift);
     void bend_by_displacement(const scene::Node& output);
     void mix_shaders(int root);
     void visit_shader(int node, std::set<int>& done, std::set<int>& active, std::vector<int>& order, int depth);
@@ -88,6 +89,7 @@ private:
     std::map<std::pair<int, int>, std::map<std::string, SocketValue>> results_;  ///< by (node, shift)
     std::set<std::pair<int, int>> active_;                                       ///< being compiled, for cycles
     std::set<std::pair<int, std::string>> linked_outputs_;
+    std::set<int> unknown_;  ///< nodes that were warned about
     std::unordered_map<int, Value3> weights_;
     std::vector<Shift> shifts_;
     int depth_ = 0;

@@ -30,7 +30,8 @@ enum class Op : uint16_t {
     ObjectValue,        ///< -> x. variant: ObjectField
     Instancer,          ///< -> 5: dupli generated (3), dupli uv (2)
     ShiftBarycentrics,  ///< world offset vector -> u', v'
-    CurveTangent,       ///< -> unit vector along the curve from its root, world space; zero where there is no curve
+    CurveTangent,  ///< -> unit vector along the curve from its root, world space. Where there is no curve: zero; variant 1: along the triangle's first edge,
+                   ///< 2: along its last one
 
     // Colour
     Blend,          ///< factor, a rgb, b rgb -> rgb. variant: BlendKind
@@ -40,19 +41,21 @@ enum class Op : uint16_t {
     Curve,          ///< x, offset bits, count bits, min, 1/(max - min) -> y. variant: 1 extrapolate
 
     // Textures
-    Project,      ///< vector -> u, v. variant: ProjectKind
-    BoxWeights,   ///< normal, blend, -> 3 weights
-    Image,        ///< u, v, handle bits -> rgba. variant: interpolation * 4 + extension. Not foldable
-    Noise,        ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: noise_variant
-    SignedNoise,  ///< x, y, z, w -> signed Perlin. variant: noise_variant
-    Voronoi,      ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: 1 integer hash
-    Gabor,        ///< x, y, z (scaled), frequency, anisotropy, orientation (2D: angle, -, -; 3D: unit vector) -> value, phase, intensity. variant: dimensions
-    WhiteNoise,   ///< x, y, z, w -> value, r, g, b. variant: dimensions
-    Wave,         ///< x, y, z (scaled), phase (distortion included) -> fac. variant: wave_variant
-    Magic,        ///< x, y, z, scale, distortion -> rgb. variant: depth
-    Brick,        ///< x, y, z, scale, mortar size, mortar smooth, bias, width, height, offset, squash -> tint, mortar. data: frequencies (offset, squash)
-    Checker,      ///< x, y, z (scaled) -> 0 or 1
-    Gradient,     ///< x, y, z -> fac. variant: GradientKind
+    Project,       ///< vector -> u, v. variant: ProjectKind
+    BoxWeights,    ///< normal, blend, -> 3 weights
+    Image,         ///< u, v, handle bits -> rgba. variant: interpolation * 4 + extension. Not foldable
+    Noise,         ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: noise_variant
+    SignedNoise,   ///< x, y, z, w -> signed Perlin. variant: noise_variant
+    Voronoi,       ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: 1 integer hash
+    Gabor,         ///< x, y, z (scaled), frequency, anisotropy, orientation (2D: angle, -, -; 3D: unit vector) -> value, phase, intensity. variant: dimensions
+    WhiteNoise,    ///< x, y, z, w -> value, r, g, b. variant: dimensions
+    Wave,          ///< x, y, z (scaled), phase (distortion included) -> fac. variant: wave_variant
+    Magic,         ///< x, y, z, scale, distortion -> rgb. variant: depth
+    Brick,         ///< x, y, z, scale, mortar size, mortar smooth, bias, width, height, offset, squash -> tint, mortar. data: frequencies (offset, squash);
+                   ///< variant 1: a negative smoothness leaves no mortar
+    Checker,       ///< x, y, z (scaled) -> 0 or 1
+    Gradient,      ///< x, y, z -> fac. variant: GradientKind
+    RadialTiling,  ///< x, y, sides, roundness -> parameter along the side, distance, id, width, rotation. variant: 1 normalised
     Ies,   ///< horizontal and vertical angle, offset bits -> intensity. variant: 1 wraps below the first horizontal angle. Table: counts, angles, values by
            ///< horizontal angle
     Grid,  ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height

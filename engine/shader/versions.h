@@ -13,6 +13,12 @@ struct Semantics {
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
     bool sky_full_dome = true;             ///< sky tables reach below the horizon, and the sun shines in front of the sky (from 5.0)
     bool ies_old = false;                  ///< IES tables wrap below their first horizontal angle, and must begin at the pole (before 5.0)
+    bool normal_map_scales_slope = true;   ///< strength of tangent-space normal maps (mixes normals before 4.2)
+    bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
+    bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
+    float film_fade = 1;                   ///< nm: thinner films fade out
+    bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
+    bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
     Rec709 rec709 = Rec709::Exact;
     float displacement_width = 0.1f;  ///< filter width of the bump that stands for displacement
 };
@@ -24,6 +30,12 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.voronoi_integer_hash = version >= 500;
     s.noise_roughness_clamped = version < 402;
     s.sky_full_dome = version >= 500;
+    s.normal_map_scales_slope = version >= 402;
+    s.transform_normalizes = version < 402;
+    s.brick_clamps = version >= 402;
+    s.film_fade = version < 500 ? 30.0f : 1.0f;
+    s.metal_has_film = version >= 500;
+    s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;

@@ -13,7 +13,7 @@ from probe_scene import render_probes
 TOLERANCE = 1e-4
 """Relative, and absolute below 1."""
 
-NOT_THERE_YET = ("sky/HOSEK_WILKIE", "radialtiling")
+NOT_THERE_YET = ("sky/HOSEK_WILKIE",)
 """Probes that Talbot answers with a fallback and a warning."""
 
 

@@ -64,7 +64,7 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 op_instancer(r, n, scope);
                 break;
             case Op::CurveTangent:
-                op_curve_tangent(r, n, scope);
+                op_curve_tangent(i, r, n, scope);
                 break;
             case Op::ShiftBarycentrics:
                 op_shift_barycentrics(r, n, scope);
@@ -119,6 +119,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 break;
             case Op::Checker:
                 op_checker(r, n);
+                break;
+            case Op::RadialTiling:
+                op_radial_tiling(i, r, n);
                 break;
             case Op::Gradient:
                 op_gradient(i, r, n);

@@ -36,7 +36,7 @@ void op_vertex_normal(Registers r, int n, const OpScope& scope);
 void op_object_value(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_instancer(Registers r, int n, const OpScope& scope);
 void op_shift_barycentrics(Registers r, int n, const OpScope& scope);
-void op_curve_tangent(Registers r, int n, const OpScope& scope);
+void op_curve_tangent(const Instruction& instruction, Registers r, int n, const OpScope& scope);
 
 void op_blend(const Instruction& i, Registers r, int n);
 void op_color_convert(const Instruction& i, Registers r, int n);
@@ -56,6 +56,7 @@ void op_wave(const Instruction& i, Registers r, int n);
 void op_magic(const Instruction& i, Registers r, int n);
 void op_brick(const Instruction& i, Registers r, int n);
 void op_checker(Registers r, int n);
+void op_radial_tiling(const Instruction& i, Registers r, int n);
 void op_gradient(const Instruction& i, Registers r, int n);
 void op_ies(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_grid(const Instruction& i, Registers r, int n, const OpScope& scope);

@@ -42,7 +42,7 @@ TALBOT_INLINE Vec3 rgb_to_hsl(Vec3 c) {
     const float high = max_component(c), low = min3(c), delta = high - low, l = (high + low) * 0.5f;
     const float divisor = l > 0.5f ? 2.0f - high - low : high + low;
     const bool grey = delta == 0.0f;
-    return {grey ? 0.0f : hue_of(c, high, delta), grey ? 0.0f : delta / (divisor != 0.0f ? divisor : 1.0f), l};
+    return {grey ? 0.0f : hue_of(c, high, delta), grey ? 0.0f : delta / (divisor != 0.0f ? divisor : 1.0f), minf(l, 1.0f)};
 }
 
 TALBOT_INLINE Vec3 hsl_to_rgb(Vec3 c) {

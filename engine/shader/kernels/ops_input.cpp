@@ -409,13 +409,17 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
     pad(r, 2, s.span.n, n);
 }
 
-void op_curve_tangent(Registers r, int n, const OpScope& s) {
+void op_curve_tangent(const Instruction& instruction, Registers r, int n, const OpScope& s) {
     for (int k = 0; k < s.span.n; ++k) {
         Vec3 tangent{};
         const scene::MeshView* mesh = mesh_of(s, k);
         if (mesh && mesh->kind == scene::GeometryKind::Curves) {
             const scene::CurveSegment curve = scene::curve_segment(*mesh, s.span.primitive[k], s.span.time ? s.span.time[k] : 0.5f);
             tangent = normalize(transform_direction(s.context.scene->objects[s.span.object[k]].to_world, curve_tangent(curve, s.span.u[k])));
+        } else if (mesh && instruction.variant != 0 && mesh->kind == scene::GeometryKind::Triangles) {
+            const Triangle t = corners_of(mesh->triangle_vertices, s.span.primitive[k]);
+            const Vec3 edge = mesh->positions[instruction.variant == 1 ? t.b : t.c] - mesh->positions[t.a];
+            tangent = normalize(transform_direction(s.context.scene->objects[s.span.object[k]].to_world, edge));
         }
         r[0][k] = tangent.x;
         r[1][k] = tangent.y;

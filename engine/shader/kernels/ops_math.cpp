@@ -184,7 +184,10 @@ void op_binary(const Instruction& i, Registers r, int n) {
         case BinaryKind::ArcTangent2:
             return map2(r, n, [](float a, float b) { return lane_atan2(a, b); });
         case BinaryKind::GammaPower:
-            return map2(r, n, [](float a, float b) { return a > 0.0f ? lane_pow(a, b) : a; });
+            return map2(r, n, [](float a, float b) {
+                const float power = a > 0.0f ? lane_pow(a, b) : a;
+                return b == 0.0f ? 1.0f : power;
+            });
     }
 }
 

@@ -14,7 +14,111 @@ TALBOT_INLINE float nudged(float x) {
     return (x + 1e-6f) * 0.999999f;
 }
 
+/// One half of a side of a rounded polygon whose apothem is 1, from its middle (angle 0) to the divider to the next side. Straight up to `bevel`, an
+/// arc beyond; the parameter along the side runs like the tangent first, like the angle at last, blended over `spline`.
+struct HalfSide {
+    float bevel, arc;     ///< angles: middle to the arc's start, from there to the divider
+    float spline, round;  ///< part of the arc over which the parameter is blended; roundness that counts
+    float scale;          ///< of the irregular last side: distances and parameters against those of the others
+    Vec2 center;          ///< of the arc's circle, x along the divider, y away from the middle
+    float radius2;
+    float unit;  ///< of distances that the circle gives
+    /// Parameter at distance 1 from the middle's line, and its width.
+    TALBOT_MEMBER float width(float distance) const { return distance * lane_tan(bevel) + spline * (0.5f * distance + 0.5f) + round * arc; }
+    TALBOT_MEMBER void at(float angle, float r, float& distance, float& parameter, float& whole) const {
+        const float past = angle - bevel;  // along the arc
+        float s, c, sb, cb;
+        lane_sincos(bevel + arc - angle, s, c);
+        lane_sincos(bevel, sb, cb);
+        const float along = c * center.x + s * center.y;
+        const float reach = along + safe_sqrt(along * along + radius2 - center.x * center.x - center.y * center.y);
+        const bool straight = past <= 0.0f;
+        const float l = straight ? r * lane_cos(angle) : unit * r / maxf(reach, 1e-6f);
+        // The arc: the tangent's part, then a slope that goes from the tangent's to 1.
+        const float slope = r * cb;
+        const float blended = slope * past + 0.5f * (1.0f - slope) * past * past / maxf(spline, 1e-9f);
+        const float even = spline * (0.5f * slope - 0.5f) + past;
+        const float curved = r * sb + (past < spline ? blended : even);
+        const float rim = r * sb + spline * (0.5f * slope + 0.5f) + round * arc;
+        distance = scale * l;
+        parameter = scale * (straight ? r * lane_sin(angle) : curved);
+        whole = scale * lerp(width(l), rim, straight ? 0.0f : past / maxf(arc, 1e-9f));
+    }
+};
+
+/// Half of a side of half angle `half` between equal sides.
+TALBOT_INLINE HalfSide regular_half(float half, float roundness) {
+    HalfSide h;
+    h.bevel = lane_atan((1.0f - roundness) * lane_tan(half));
+    h.arc = half - h.bevel;
+    h.spline = (1.0f - roundness) * h.arc;
+    h.round = roundness;
+    h.scale = 1.0f;
+    h.center = {(1.0f - roundness) / maxf(lane_cos(half), 1e-6f), 0.0f};
+    h.radius2 = roundness * roundness;
+    h.unit = 1.0f;
+    return h;
+}
+/// At the corner between a side of half angle `half` and the last one of half angle `last`, which is closer to the middle by `scale`:
+/// a circle that touches both where the last side's own bevel starts.
+TALBOT_INLINE HalfSide irregular_half(float half, float last, float roundness, bool inner, float scale) {
+    HalfSide h = regular_half(last, roundness);
+    const float radius = roundness * lane_tan(last) / maxf(lane_tan(0.5f * (half + last)), 1e-6f);
+    const float start = 1.0f / maxf(lane_cos(h.bevel), 1e-6f);
+    const Vec2 center{lane_cos(h.arc) * start - radius * lane_cos(last), radius * lane_sin(last) - lane_sin(h.arc) * start};
+    h.radius2 = radius * radius;
+    h.scale = inner ? scale : 1.0f;
+    h.unit = inner ? 1.0f : scale;
+    // The arc lies on both sides of the divider.
+    const float arc = lane_atan2(center.y + radius * lane_sin(half), center.x + radius * lane_cos(half));
+    const float bevel = half - arc, round = 1.0f - lane_tan(bevel) / maxf(lane_tan(half), 1e-9f);
+    h.bevel = inner ? h.bevel : bevel;
+    h.arc = inner ? h.arc : arc;
+    h.round = inner ? h.round : round;
+    h.spline = (1.0f - h.round) * h.arc;
+    h.center = {center.x, inner ? -center.y : center.y};
+    return h;
+}
+
 }  // namespace
+
+void op_radial_tiling(const Instruction& i, Registers r, int n) {
+    const bool normalized = i.variant == 1;
+    for (int k = 0; k < n; ++k) {
+        const float x = r[5][k], y = r[6][k], sides = clampf(r[7][k], 2.0f, 1e6f), roundness = saturate(r[8][k]);
+        const float theta = lane_atan2(y, x) + (y < 0.0f ? kTwoPi : 0.0f), radius = std::sqrt(x * x + y * y);
+        // Equal sides, and what is left of the circle as the last one.
+        const float half = kPi / sides, whole_sides = lane_floor(sides), last = kPi - whole_sides * half;
+        const bool regular = whole_sides == sides;
+        const float id = lane_floor(theta / (2.0f * half));
+        const bool in_last = !regular && id >= whole_sides;
+        const float own = in_last ? last : half, middle = 2.0f * half * id + own, angle = theta - middle;
+        const bool beside_last = !regular && ((id == 0.0f && angle < 0.0f) || (id == whole_sides - 1.0f && angle > 0.0f));
+        const float scale = lane_cos(half) / maxf(lane_cos(last), 1e-6f);
+        const HalfSide plain = regular_half(half, roundness);
+        HalfSide h = plain;
+        // Corners without roundness are all alike.
+        if (roundness == 0.0f && in_last) {
+            h = regular_half(last, 0.0f);
+            h.scale = scale;
+        } else if (roundness > 0.0f && (in_last || beside_last)) {
+            h = irregular_half(half, last, roundness, in_last, scale);
+        }
+        float distance, parameter, whole;
+        h.at(lane_abs(angle), radius, distance, parameter, whole);
+        // Two straight sides have no ends.
+        const bool endless = sides == 2.0f && roundness == 0.0f;
+        parameter = normalized && !endless ? parameter / (whole != 0.0f ? whole : 1.0f) : parameter;
+        parameter = radius == 0.0f ? 0.0f : (angle < 0.0f ? -parameter : parameter);
+        const float last_width = lane_tan(h.bevel) + h.scale * (h.spline * (0.5f / h.scale + 0.5f) + h.round * h.arc);
+        const float width = in_last ? last_width : (endless ? 0.0f : plain.width(1.0f));
+        r[0][k] = normalized ? 0.5f * parameter + 0.5f : parameter;
+        r[1][k] = normalized ? distance : distance - 1.0f;
+        r[2][k] = id;
+        r[3][k] = width;
+        r[4][k] = middle;
+    }
+}
 
 void op_wave(const Instruction& i, Registers r, int n) {
     Column out = r[0];
@@ -125,6 +229,7 @@ void op_brick(const Instruction& i, Registers r, int n) {
     Column tint = r[0], mortar = r[1];
     ConstColumn x = r[2], y = r[3], scale = r[5], size = r[6], smooth = r[7], bias = r[8], width_in = r[9], height_in = r[10], offset = r[11], squash = r[12];
     const int32_t offset_every = int32_t(i.data & 0xffu), squash_every = int32_t(i.data >> 8);
+    const bool clamps = i.variant == 1;
     for (int k = 0; k < n; ++k) {
         const float px = x[k] * scale[k], py = y[k] * scale[k];
         const float height = height_in[k] != 0.0f ? height_in[k] : 1e-6f;
@@ -145,7 +250,7 @@ void op_brick(const Instruction& i, Registers r, int n) {
         const float edge = minf(minf(bx, by), minf(width - bx, height - by));
         const float depth = 1.0f - edge / (size[k] != 0.0f ? size[k] : 1.0f);
         const float soft = smooth[k] == 0.0f ? 1.0f : smoothstep(saturate(depth / (smooth[k] == 0.0f ? 1.0f : smooth[k])));
-        mortar[k] = edge >= size[k] ? 0.0f : (depth < smooth[k] ? soft : 1.0f);
+        mortar[k] = edge >= size[k] ? 0.0f : ((depth < smooth[k]) | clamps ? soft : 1.0f);
     }
 }
 

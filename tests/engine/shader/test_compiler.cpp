@@ -168,6 +168,11 @@ TEST(Compiler, UnknownNodes) {
     const Compiled c = compile(g);
     EXPECT_EQ(c.shader().emission, -1);  // zero
     EXPECT_TRUE(c.reports("ShaderNodeFromTheFuture"));
+    // The socket's own value shows through.
+    scene::NodeInput& color = g.shader.graph.nodes.back().inputs[0];
+    ASSERT_EQ(color.identifier, "Color");
+    color.value[1] = 0.25f;
+    EXPECT_NEAR(compile(g).shader().constant_emission.y, 0.25f, 1e-6f);
 
     GraphBuilder s;
     s.surface(s.out(s.node("ShaderNodeBsdfFromTheFuture").color("Color", {0.2f, 0.3f, 0.4f}).id(), "BSDF", SocketKind::Shader));
