@@ -175,8 +175,9 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
         }
         const bool transmits = slot.lobe == LobeKind::Transmission;
         const bool glass = slot.type == ClosureType::MicrofacetGlass;  // has both sides: dropped only when neither is allowed
-        const bool drop = glass ? !settings.caustics_reflective && !settings.caustics_refractive
-                                : (slot.lobe == LobeKind::Glossy && !settings.caustics_reflective) || (transmits && !settings.caustics_refractive);
+        const bool hair = slot.type >= ClosureType::HairChiang && slot.type <= ClosureType::HairTransmission;  // makes no caustics
+        const bool one_sided = (slot.lobe == LobeKind::Glossy && !settings.caustics_reflective) || (transmits && !settings.caustics_refractive);
+        const bool drop = !hair && (glass ? !settings.caustics_reflective && !settings.caustics_refractive : one_sided);
         const bool passes = slot.type == ClosureType::Transparent;
         float* w = s.registers + size_t(slot.weight) * kSpan;
         for (int i = 0; i < n; ++i) {
