@@ -169,7 +169,7 @@ TEST(Compiler, UnknownNodes) {
     EXPECT_EQ(c.shader().emission, -1);  // zero
     EXPECT_TRUE(c.reports("ShaderNodeFromTheFuture"));
     // The socket's own value shows through.
-    scene::NodeInput& color = g.shader.graph.nodes.back().inputs[0];
+    scene::NodeInput& color = g.shader.graph.nodes[1].inputs[0];
     ASSERT_EQ(color.identifier, "Color");
     color.value[1] = 0.25f;
     EXPECT_NEAR(compile(g).shader().constant_emission.y, 0.25f, 1e-6f);
