@@ -64,6 +64,11 @@ struct FilmFresnel {
         const bool covered = film.thickness > kThinnestFilm;
         return {covered ? f.x : plain.x, covered ? f.y : plain.y, covered ? f.z : plain.z};
     }
+    TALBOT_MEMBER Rgb over_lobe(float rough, float c) const {
+        const Rgb f = filmed(base, saturate(c)), plain = base.over_lobe(rough, c);
+        const bool covered = film.thickness > kThinnestFilm;
+        return {covered ? f.x : plain.x, covered ? f.y : plain.y, covered ? f.z : plain.z};
+    }
     TALBOT_MEMBER Rgb filmed(const SchlickFresnel& s, float c) const { return film_scaled(film_dielectric(c, film, fade, s.eta), s.f0, s.eta); }
     TALBOT_MEMBER Rgb filmed(const ConductorFresnel& s, float c) const { return film_conductor(c, film, fade, s.n, s.k, vec3(-1.0f)); }
     /// Reflectances at 0 and 82 degrees as those of a metal [Gulbrandsen 2014, "Artist Friendly Metallic Fresnel"].
