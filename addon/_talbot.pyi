@@ -21,6 +21,9 @@ python_abi: str
 
 class Error(RuntimeError): ...
 
+def available_memory() -> int:
+    """Bytes the system could still give."""
+
 def compiled_instruction_sets() -> list[str]: ...
 def chosen_instruction_set() -> str:
     """Raises Error when TALBOT_ISA asks for what the machine cannot run."""

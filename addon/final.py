@@ -23,6 +23,7 @@ PICTURE_SHARE = 0.05
 """Share of the time that intermediate pictures may take."""
 
 MEBIBYTE = 1 << 20
+GIBIBYTE = 1 << 30
 MAX_METADATA = 1000
 
 
@@ -55,10 +56,20 @@ def result_of(engine: Any, width: int, height: int, layer_name: str) -> Iterator
         engine.end_result(result)
 
 
+def check_memory(width: int, height: int) -> None:
+    """Blender's result is touched as soon as it is asked for: what it cannot hold would end Blender. Combined alone, in
+    Blender and in the session; with other passes, the session says more."""
+    needed, left = width * height * 32, native.module().available_memory()
+    if needed > left:
+        sizes = f"{needed / GIBIBYTE:.0f} GiB, {left / GIBIBYTE:.0f} GiB are left"
+        raise native.module().Error(f"Not enough memory: a picture of {width} x {height} pixels takes {sizes}")
+
+
 def render(engine: Any, state: FinalState, depsgraph: Any) -> None:
     """Renders the depsgraph's view layer, every view of it (stereo), all passes."""
     scene = depsgraph.scene_eval
     layer = depsgraph.view_layer_eval
+    check_memory(engine.resolution_x, engine.resolution_y)
     with result_of(engine, engine.resolution_x, engine.resolution_y, layer.name) as result:
         if not result.layers:
             raise RuntimeError(f"view layer {layer.name} has no place in the result")

@@ -50,6 +50,7 @@ PYBIND11_MODULE(_talbot, module) {
         }
     });
 
+    module.def("available_memory", [] { return available_memory(); });
     module.def("compiled_instruction_sets", [] { return python::string_list(python::compiled_sets()); });
     module.def("chosen_instruction_set", [] { return choose_isa(); });
     module.def(

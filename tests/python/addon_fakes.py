@@ -165,6 +165,7 @@ def fake_engine(**behaviour: Any) -> Iterator[type[FakeSession]]:
         setattr(sync if hasattr(FakeSync, name) else session, name, value)
     FakeSession.made.clear()
     module = SimpleNamespace(
+        available_memory=lambda: 1 << 40,
         __version__="0.1.0",
         Error=Error,
         Session=session,

@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from talbot import native
 from test_addon_pictures import lines, picture, scene
 
 __all__ = ["scene"]
@@ -105,3 +106,13 @@ def test_a_place_that_cannot_be_written(scene: bpy.types.Scene, tmp_path: Path) 
         bpy.ops.render.render(write_still=True)
     scene.render.filepath = str(tmp_path / "out.exr")
     assert np.isfinite(picture(scene)).all()
+
+
+def test_a_picture_beyond_the_memory(scene: bpy.types.Scene) -> None:
+    if native.module().available_memory() > 1 << 37:
+        pytest.skip("this machine could")
+    render = scene.render
+    render.resolution_x = render.resolution_y = 65536
+    render.resolution_percentage = 100
+    with pytest.raises(RuntimeError, match="Not enough memory: a picture of 65536 x 65536 pixels"):
+        picture(scene)
