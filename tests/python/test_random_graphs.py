@@ -10,7 +10,8 @@ from random_graphs import ACROSS, TOLERANCE, differences
 
 SEEDS = range(512)
 SHARE = 0.98 if bpy.app.version >= (4, 0, 0) else 0.975
-"""Of the graphs agree. What is left: cliffs where the last bit decides, and NaN, which is black in Cycles."""
+"""Of the graphs agree; the goal is 99 %. What was traced of the rest are cliffs where the last bit decides, and NaN,
+which is black in Cycles. Not explained: seeds 40, 209 and 418 in 3.4, 297 in 5.0."""
 
 
 def test_random_graphs(pair_scene: Any, tmp_path: Path) -> None:
