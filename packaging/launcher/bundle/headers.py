@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
-from launcher.bundle.libraries import PLACE, checksum, mirrors
+from launcher.bundle.libraries import PLACE, fetch_wheel, mirrors
 from launcher.bundle.parts import PYBIND11, PYBIND11_SHA256
 from launcher.common import LauncherError, say
 
@@ -78,23 +77,12 @@ def pybind11_include() -> Path:
     include = place / "pybind11" / "include"
     if (place / "complete").exists():
         return include
-    shutil.rmtree(place, ignore_errors=True)
-    place.mkdir(parents=True)
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    command += ["--only-binary=:all:", "--dest", str(place), f"pybind11=={PYBIND11}"]
-    result = subprocess.run(command, capture_output=True, text=True)
-    wheels = sorted(place.glob("*.whl"))
-    if result.returncode != 0 or not wheels:
-        raise LauncherError(
-            f"{result.stderr[-1500:]}\npybind11 {PYBIND11} could not be fetched: it needs the network once."
-        )
-    if checksum(wheels[0]) != PYBIND11_SHA256:
-        raise LauncherError(f"{wheels[0].name} is not the file that was expected (its checksum differs).")
-    with zipfile.ZipFile(wheels[0]) as archive:
+    wheel = fetch_wheel("pybind11", PYBIND11, PYBIND11_SHA256, place)
+    with zipfile.ZipFile(wheel) as archive:
         archive.extractall(place)
     notices = [path for path in place.rglob("*") if re.fullmatch(r"LICENSE.*", path.name)]
     if not notices or not (include / "pybind11" / "pybind11.h").exists():
-        raise LauncherError(f"{wheels[0].name} is not what was expected: no headers or no licence.")
+        raise LauncherError(f"{wheel.name} is not what was expected: no headers or no licence.")
     shutil.copy(notices[0], place / "LICENSE")
     (place / "complete").touch()
     return include

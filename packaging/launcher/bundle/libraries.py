@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tarfile
 from pathlib import Path
 
@@ -40,6 +41,23 @@ def mirrors() -> list[str]:
 def checksum(path: Path) -> str:
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def fetch_wheel(name: str, version: str, sha256: str, place: Path) -> Path:
+    """A wheel of PyPI in `place`, which is made anew."""
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    command += ["--only-binary=:all:", "--dest", str(place), f"{name}=={version}"]
+    result = subprocess.run(command, capture_output=True, text=True)
+    wheels = sorted(place.glob("*.whl"))
+    if result.returncode != 0 or not wheels:
+        raise LauncherError(
+            f"{result.stderr[-1500:]}\n{name} {version} could not be fetched: it needs the network once."
+        )
+    if checksum(wheels[0]) != sha256:
+        raise LauncherError(f"{wheels[0].name} is not the file that was expected (its checksum differs).")
+    return wheels[0]
 
 
 def download(part: Part) -> Path:
