@@ -91,8 +91,9 @@ TALBOT_INLINE void scatter3(ConstColumns3 in, const int32_t* index, int n, Colum
 TALBOT_INLINE void fill(float* __restrict out, int n, float value) {
     for (int i = 0; i < n; ++i) out[i] = value;
 }
-/// Positions i of the set mask bytes, in order; returns their number. `out` has room for n.
-TALBOT_INLINE int compress(const uint8_t* __restrict mask, int n, int32_t* __restrict out) {
+/// Positions i where the mask (bytes or words) is set, in order; returns their number. `out` has room for n.
+template <class Mask>
+TALBOT_INLINE int compress(const Mask* __restrict mask, int n, int32_t* __restrict out) {
     int count = 0;
     for (int i = 0; i < n; ++i) {
         out[count] = i;

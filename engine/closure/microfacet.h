@@ -35,6 +35,9 @@ inline constexpr uint8_t microfacet_variant(FresnelKind fresnel, bool beckmann =
     return uint8_t(uint8_t(fresnel) | (beckmann ? kVariantBeckmann : 0) | (anisotropic ? kVariantAnisotropic : 0) | (correlated ? kVariantCorrelated : 0));
 }
 
+/// MicrofacetGlass: the first parameters of its two tints, three each.
+inline constexpr int kGlassReflectionTint = 5, kGlassTransmissionTint = 8;
+
 /// Number of parameter columns after alpha_x, alpha_y, tangent.
 inline constexpr int fresnel_param_count(FresnelKind kind) {
     constexpr int kCounts[] = {0, 1, 4, 6, 6, 6, 8, 8};

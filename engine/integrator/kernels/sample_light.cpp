@@ -43,12 +43,7 @@ int weigh_samples(const scene::Settings& settings, SpanScratch& s, bool distant)
         ry[i] = sent.y;
         rz[i] = sent.z;
     }
-    int count = 0;
-    for (int i = 0; i < n; ++i) {
-        s.list[count] = i;
-        count += sends[i];
-    }
-    return count;
+    return compress(s.itmp, n, s.list);
 }
 
 /// Queues the shadow rays of the first `count` lanes of s.list, towards the light sample in direction s.wi.

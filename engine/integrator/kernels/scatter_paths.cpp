@@ -181,12 +181,7 @@ int advance_paths(const RenderContext& context, SpanScratch& s) {
         flags[i] = next;
         lobe_then_bounces[i] = bounces;
     }
-    int count = 0;
-    for (int i = 0; i < n; ++i) {
-        s.list[count] = i;
-        count += goes_on[i];
-    }
-    return count;
+    return compress(s.itmp, n, s.list);
 }
 
 /// The diffuse and glossy shares of a path's first scattering, for the light passes.

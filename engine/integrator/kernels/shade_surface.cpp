@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "closure/microfacet.h"
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -166,8 +167,8 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
     const bool one_caustic = settings.version >= 400 && settings.caustics_reflective != settings.caustics_refractive;
     for (const ClosureSlot& slot : program.slots) {
         if (one_caustic && slot.type == ClosureType::MicrofacetGlass) {
-            // Of glass that is both, one side goes black: parameters 5 to 7 tint what it reflects, 8 to 10 what it lets through.
-            const int first = settings.caustics_reflective ? 8 : 5;
+            // Of glass that is both, one side goes black.
+            const int first = settings.caustics_reflective ? kGlassTransmissionTint : kGlassReflectionTint;
             for (int k = first; k < first + 3; ++k) {
                 float* tint = s.registers + size_t(slot.params[k]) * kSpan;
                 for (int i = 0; i < n; ++i) tint[i] = (s.path_flags[i] & shader::kRayDiffuse) ? 0.0f : tint[i];

@@ -79,13 +79,13 @@ private:
     uint64_t last_;
 };
 
-/// The slot's columns over the span's registers.
 /// Three registers in a row.
 TALBOT_INLINE ConstColumns3 triple_columns(uint16_t first, const float* registers) {
     const float* x = registers + size_t(first) * kSpan;
     return {x, x + kSpan, x + 2 * kSpan};
 }
 
+/// The slot's columns over the span's registers.
 TALBOT_INLINE ClosureColumns slot_columns(const ClosureSlot& slot, const float* registers) {
     ClosureColumns c;
     c.weight = triple_columns(slot.weight, registers);

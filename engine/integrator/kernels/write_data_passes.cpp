@@ -1,6 +1,7 @@
 /// Passes of what camera paths meet: geometry of the hit, colours of its closures, guides for the denoiser. They go on behind transparent
 /// surfaces, and behind clear glass where a transparent film shows through it.
 
+#include "closure/microfacet.h"
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -87,7 +88,7 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
                 // What it reflects is glossy: its albedo without the transmission tint.
                 ClosureColumns reflecting = columns;
                 fill(s.tmp2, span.n, 0.0f);
-                for (int k = 8; k < 11; ++k) reflecting.params[k] = s.tmp2;
+                for (int k = 0; k < 3; ++k) reflecting.params[kGlassTransmissionTint + k] = s.tmp2;
                 closure_albedo(slot, reflecting, geometry, span.n, s.tmp3);
                 for (int i = 0; i < span.n; ++i) {
                     store(sums[1], i, load(sums[1], i) + load(s.tmp3, i));
