@@ -9,6 +9,7 @@ from .. import versions
 from .context import SyncContext, id_key
 from .images import ImageSync
 from .nodes import GraphBuilder
+from .nodes_flatten import invalid_links
 
 EMISSION_SAMPLING = ("NONE", "AUTO", "FRONT", "BACK", "FRONT_BACK")
 
@@ -169,6 +170,8 @@ class ShaderSync:
         self._wanted[key], self._images[key] = frozenset(), frozenset()
         if owner_id.node_tree is None or not getattr(owner_id, "use_nodes", True):
             return None
+        for problem in invalid_links(owner_id.node_tree):
+            self.context.warn(f"{owner}: {problem}")
         # The inliner's result owns its tree: it must live while the tree is read.
         inlined = owner_id.inline_shader_nodes() if hasattr(owner_id, "inline_shader_nodes") else None
         tree = inlined.node_tree if inlined is not None else owner_id.node_tree

@@ -9,6 +9,7 @@ Works on any Blender: where `inline_shader_nodes()` exists the tree given is sim
 """
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,6 +43,22 @@ class Scope:
                 return True
             scope = scope.parent
         return False
+
+
+def invalid_links(tree: Any, seen: set[Any] | None = None) -> Iterator[str]:
+    """A sentence for each link that Blender draws in red, in the tree and its groups: no Blender follows them."""
+    seen = set() if seen is None else seen
+    seen.add(tree)
+    for link in tree.links:
+        if not link.is_valid and not link.is_muted:
+            yield (
+                f"Node '{link.to_node.name}': the link into {link.to_socket.name} is invalid (it closes a circle, or "
+                "its ends do not fit) and is ignored"
+            )
+    for node in tree.nodes:
+        inner = node.node_tree if node.type in GROUP_TYPES else None
+        if inner is not None and inner not in seen:
+            yield from invalid_links(inner, seen)
 
 
 @dataclass

@@ -188,3 +188,18 @@ def fake_engine(**behaviour: Any) -> Iterator[type[FakeSession]]:
         talbot.native._module, talbot.native._problem = kept_module, kept_problem
         for user in users:
             user.open_session = talbot.sessions.open_session
+
+
+class PressedEscape:
+    """An engine whose user presses Escape. (RNA's functions cannot be replaced on the class.)"""
+
+    def __init__(self, engine: object, questions: int) -> None:
+        self.engine = engine
+        self.questions = questions  # answered with no before
+
+    def test_break(self) -> bool:
+        self.questions -= 1
+        return self.questions < 0
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.engine, name)

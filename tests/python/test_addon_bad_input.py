@@ -10,7 +10,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from talbot import native
+from addon_fakes import PressedEscape
+from talbot import final, native
 from test_addon_pictures import lines, picture, scene
 
 __all__ = ["scene"]
@@ -85,6 +86,7 @@ def test_links_in_a_circle(scene: bpy.types.Scene) -> None:
     tree.links.new(second.outputs[0], first.inputs[0])
     tree.links.new(second.outputs[0], tree.nodes["Principled BSDF"].inputs["Roughness"])
     assert np.isfinite(picture(scene)).all()
+    assert any("Math" in line and "closes a circle" in line for line in lines(scene))
 
 
 def test_smallest_and_widest_picture(scene: bpy.types.Scene) -> None:
@@ -116,3 +118,19 @@ def test_a_picture_beyond_the_memory(scene: bpy.types.Scene) -> None:
     render.resolution_percentage = 100
     with pytest.raises(RuntimeError, match="Not enough memory: a picture of 65536 x 65536 pixels"):
         picture(scene)
+
+
+def test_escape_at_any_question(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the scene is read, built and rendered; the next render is whole again."""
+    whole = picture(scene)
+    with monkeypatch.context() as patch:
+        render = final.render
+        for questions in range(12):
+
+            def interrupted(*arguments: object, questions: int = questions) -> None:
+                render(PressedEscape(arguments[0], questions), *arguments[1:])
+
+            patch.setattr(final, "render", interrupted)
+            bpy.ops.render.render()
+            assert lines(scene) == []
+    assert np.array_equal(picture(scene), whole)

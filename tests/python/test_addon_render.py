@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from addon_fakes import Error, FakeSession, fake_engine
+from addon_fakes import Error, FakeSession, PressedEscape, fake_engine
 from talbot import final, passes, reports
 
 
@@ -243,21 +243,6 @@ def test_metadata(scene: bpy.types.Scene) -> None:
         content = render_file(scene).read_bytes()
     for text in (b"talbot.version", b"talbot.seed", b"hair is not rendered", b"01:01.50", b"talbot.instruction_set"):
         assert text in content, text
-
-
-class PressedEscape:
-    """An engine whose user presses Escape. (RNA's functions cannot be replaced on the class.)"""
-
-    def __init__(self, engine: object, questions: int) -> None:
-        self.engine = engine
-        self.questions = questions  # answered with no before
-
-    def test_break(self) -> bool:
-        self.questions -= 1
-        return self.questions < 0
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self.engine, name)
 
 
 @pytest.mark.parametrize(("questions", "waits"), [(0, None), (1, 1), (4, 4)])
