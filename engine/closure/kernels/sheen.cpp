@@ -1,7 +1,8 @@
 /// Sheen: the Ashikhmin-Premoze velvet and the microfiber layer.
+#include "closure/sheen.h"
+
 #include "base/math.h"
 #include "closure/kernels/lobe.h"
-#include "closure/kernels/sheen_fit.h"
 #include "closure/kernels/warp.h"
 
 namespace talbot {
@@ -43,22 +44,22 @@ struct SheenLtcLobe {
     TALBOT_MEMBER static SheenLtcLobe load(const float* const* p, int i, const LobeUniform&) { return {clampf(p[0][i], 1e-3f, 1.0f)}; }
     /// x axis: the viewer's direction laid onto the surface.
     TALBOT_MEMBER static Frame frame(const LobeLane& lane) { return make_frame(lane.n, lane.wo, true); }
-    TALBOT_MEMBER static float density(const SheenFit& fit, Vec3 w) {
-        const float mx = fit.a * w.x - fit.b * w.z, my = fit.a * w.y;
-        return maxf(w.z, 0.0f) * kInvPi * square(fit.a / (mx * mx + my * my + w.z * w.z));
+    TALBOT_MEMBER static float density(const SheenTerms& terms, Vec3 w) {
+        const float mx = terms.a * w.x + terms.b * w.z, my = terms.a * w.y;
+        return maxf(w.z, 0.0f) * kInvPi * square(terms.a / (mx * mx + my * my + w.z * w.z));
     }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi) const {
-        const SheenFit fit = sheen_fit(dot(lane.n, lane.wo), rough);
-        const float pdf = dot(lane.n, lane.wo) > 0.0f ? density(fit, to_local(frame(lane), wi)) : 0.0f;
-        return {vec3(pdf * fit.albedo), pdf};
+        const SheenTerms terms = sheen_terms(dot(lane.n, lane.wo), rough);
+        const float pdf = dot(lane.n, lane.wo) > 0.0f ? density(terms, to_local(frame(lane), wi)) : 0.0f;
+        return {vec3(pdf * terms.albedo), pdf};
     }
     TALBOT_MEMBER LobeSample sample(const LobeLane& lane, float u, float v, float) const {
-        const SheenFit fit = sheen_fit(dot(lane.n, lane.wo), rough);
+        const SheenTerms terms = sheen_terms(dot(lane.n, lane.wo), rough);
         const Vec3 c = cosine_direction({0.0f, 0.0f, 1.0f}, u, v);
-        const Vec3 w = normalize(Vec3{(c.x + fit.b * c.z) / fit.a, c.y / fit.a, c.z});
-        return {to_world(frame(lane), w), vec3(fit.albedo), density(fit, w), 1.0f, dot(lane.n, lane.wo) > 0.0f ? 0 : int32_t(kSampledFailed)};
+        const Vec3 w = normalize(Vec3{(c.x - terms.b * c.z) / terms.a, c.y / terms.a, c.z});
+        return {to_world(frame(lane), w), vec3(terms.albedo), density(terms, w), 1.0f, dot(lane.n, lane.wo) > 0.0f ? 0 : int32_t(kSampledFailed)};
     }
-    TALBOT_MEMBER Rgb albedo(const LobeLane& lane) const { return vec3(sheen_fit(dot(lane.n, lane.wo), rough).albedo); }
+    TALBOT_MEMBER Rgb albedo(const LobeLane& lane) const { return vec3(sheen_terms(dot(lane.n, lane.wo), rough).albedo); }
     TALBOT_MEMBER float roughness() const { return 1.0f; }
 };
 

@@ -2,8 +2,8 @@
 
 #include "closure/albedo.h"
 #include "closure/kernels/fresnel.h"
-#include "closure/kernels/sheen_fit.h"
 #include "closure/kernels/thin_film.h"
+#include "closure/sheen.h"
 #include "shader/kernels/ops.h"
 
 namespace talbot::shader {
@@ -188,7 +188,7 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
                 out[1] = 1.0f / std::sqrt(maxf(1.0f - (1.0f - cosine * cosine) / (eta * eta), 1e-4f));
             });
         case ClosureOp::SheenAlbedo:
-            return lanes<1, 7>(r, n, [](const float* in, float* out) { out[0] = sheen_fit(view_cosine(in), clampf(in[6], 1e-3f, 1.0f)).albedo; });
+            return lanes<1, 7>(r, n, [](const float* in, float* out) { out[0] = sheen_terms(view_cosine(in), clampf(in[6], 1e-3f, 1.0f)).albedo; });
         case ClosureOp::FresnelAt:
             return lanes<1, 7>(r, n, [](const float* in, float* out) { out[0] = fresnel_dielectric(view_cosine(in), clampf(in[6], 1e-3f, 1e3f)); });
         case ClosureOp::SpecularV1:

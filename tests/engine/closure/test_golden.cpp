@@ -297,8 +297,7 @@ TEST(Golden, CyclesUnderASun) {
     int compared = 0;
     for (const Golden& golden : read_golden()) {
         const bool anisotropic = golden.name.find("aniso") != std::string::npos;
-        // The sheen's fits are not Cycles' tables.
-        const float tolerance = golden.name.starts_with("sheen") ? 0.12f : 0.005f;
+        constexpr float tolerance = 0.005f;
         for (int tilt = 0; tilt < 3; ++tilt) {
             float low[3][3], high[3][3];
             for (auto& row : low) std::fill(row, row + 3, 1e9f);
