@@ -3,6 +3,7 @@
 
 #include "shader/catalogue.h"
 #include "shader/graph_compiler.h"
+#include "shader/hosek_sky.h"
 #include "shader/sky.h"
 
 namespace talbot::shader {
@@ -147,14 +148,28 @@ Value3 atmosphere(NodeContext& n, Value3 d, SkyModel model) {
     return e.max(e.select(inside, old ? disc : e.add(disc, sky), sky), 0.0f);
 }
 
+/// Units of Blender's choice: 2 pi over 683 lm/W. A sun below the horizon counts as on it.
 Value3 hosek(NodeContext& n, Value3 d) {
     Expressions& e = n.e;
-    n.warn("Sky Texture 'HOSEK_WILKIE' is not supported yet: a plain gradient without sun is used");
-    // Mean brightness at default settings.
-    constexpr float level = 0.3f;
-    const Value3 sky =
-        e.lerp(e.constant3(0.75f * level, 0.85f * level, 0.95f * level), e.constant3(0.12f * level, 0.25f * level, 0.6f * level), e.sqrt(e.max(d.z, 0.0f)));
-    return e.lerp(sky, e.constant3(0.1f * level, 0.1f * level, 0.1f * level), e.saturate(e.mul(d.z, -4.0f)));
+    const Vec3 sun = sun_property(n);
+    const double elevation = std::max(std::asin(double(clampf(sun.z, -1, 1))), 0.0);
+    const Vec3 held = elevation > 0 || sun.x * sun.x + sun.y * sun.y == 0 ? sun : normalize(Vec3{sun.x, sun.y, 0});
+    const auto sky = hosek_sky(n.number("turbidity", 2.2), n.number("ground_albedo", 0.3), elevation);
+    const Sight s = sight(n, d, held);
+    const Value cosine2 = e.mul(s.gamma_cosine, s.gamma_cosine), root = e.sqrt(s.cosine), above = e.add(s.cosine, 0.01f);
+    const auto known = [&](double x) { return e.constant(float(x)); };
+    Value xyz[3];
+    for (size_t k = 0; k < 3; ++k) {
+        const auto& c = sky[k].shape;
+        const Value up = e.add(e.mul(known(c[0]), e.unary(UnaryKind::Exponent, e.div(known(c[1]), above))), 1.0f);
+        const Value around = e.mul(known(c[3]), e.unary(UnaryKind::Exponent, e.mul(known(c[4]), s.gamma)));
+        const Value rayleigh = e.mul(known(c[5]), cosine2);
+        const Value spread = e.sub(known(1 + c[8] * c[8]), e.mul(known(2 * c[8]), s.gamma_cosine));
+        const Value mie = e.div(e.mul(known(c[6]), e.add(cosine2, 1.0f)), e.mul(spread, e.sqrt(spread)));
+        const Value sum = e.add(e.add(e.add(known(c[2]), around), e.add(rayleigh, mie)), e.mul(known(c[7]), root));
+        xyz[k] = e.mul(known(sky[k].radiance * 2 * M_PI / 683), e.mul(up, sum));
+    }
+    return to_rgb(n, {xyz[0], xyz[1], xyz[2]});
 }
 
 void compile_sky(NodeContext& n) {

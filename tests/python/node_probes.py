@@ -6,6 +6,7 @@ The same recipe renders in Cycles, where the golden numbers come from, and in Ta
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -191,9 +192,15 @@ def patterns(name: str, v: tuple[float, ...]) -> Iterator[Probe]:
 def skies(name: str, v: tuple[float, ...]) -> Iterator[Probe]:
     if name == "c":
         return
-    for kind in ("PREETHAM", "HOSEK_WILKIE"):
-        values = {"sky_type": kind, "turbidity": 3.0, "ground_albedo": 0.3, "sun_direction": (0.3, 0.2, 0.93)}
-        yield f"sky/{kind}/{name}", node("ShaderNodeTexSky", {}, 0, v, **values)
+    cases = {
+        "": (3.0, 0.3, (0.3, 0.2, 0.93)),
+        "clear/": (1.0, 0.0, (-0.8, 0.1, 0.4)),
+        "hazy/": (10.0, 1.0, (0.5, -0.4, 0.1)),
+        "sunset/": (2.5, 0.6, (0.5, 0.2, -0.3)),
+    }
+    for kind, (case, (turbidity, albedo, sun)) in itertools.product(("PREETHAM", "HOSEK_WILKIE"), cases.items()):
+        values = {"sky_type": kind, "turbidity": turbidity, "ground_albedo": albedo, "sun_direction": sun}
+        yield f"sky/{kind}/{case}{name}", node("ShaderNodeTexSky", {}, 0, v, **values)
     length = math.sqrt(sum(x * x for x in v))
     for kind in ("NISHITA", "SINGLE_SCATTERING", "MULTIPLE_SCATTERING"):
         for place, z in (("above", v[2]), ("below", -0.1 * v[2])):

@@ -13,9 +13,6 @@ from probe_scene import render_probes
 TOLERANCE = 1e-4
 """Relative, and absolute below 1."""
 
-NOT_THERE_YET = ("sky/HOSEK_WILKIE",)
-"""Probes that Talbot answers with a fallback and a warning."""
-
 
 def golden_file() -> Path:
     version = ".".join(str(part) for part in bpy.app.version[:2])
@@ -39,9 +36,5 @@ def test_probes() -> None:
     report = os.environ.get("TALBOT_NODE_REPORT")
     if report:
         Path(report).write_text(json.dumps(differences))
-    wrong = {
-        name: (golden[name], found[name])
-        for name, worst in differences.items()
-        if worst > TOLERANCE and not name.startswith(NOT_THERE_YET)
-    }
+    wrong = {name: (golden[name], found[name]) for name, worst in differences.items() if worst > TOLERANCE}
     assert not wrong
