@@ -1,4 +1,4 @@
-/// The closure nodes against Cycles: the same graphs, compiled and evaluated, must give the radiance that Cycles 3.4, 4.2 and 5.2
+/// The closure nodes against Cycles: the same graphs, compiled and evaluated, must give the radiance that Cycles 3.4 to 5.2
 /// give under a sun of irradiance 1 (f cos) and in a white furnace. Viewer along +Z, surface turned about +Y.
 #include <gtest/gtest.h>
 
@@ -22,6 +22,8 @@ struct Golden {
 
 std::vector<Golden> read_golden() {
     std::vector<Golden> all;
+    // Measured too, and the same but for noise.
+    static const std::map<int, std::vector<int>> alike{{304, {304}}, {402, {402}}, {502, {405, 500, 502}}};
     std::ifstream file(std::string(TALBOT_SOURCE_DIR) + "/tests/engine/closure/data/cycles_bsdf.txt");
     for (std::string line; std::getline(file, line);) {
         if (line.empty() || line[0] == '#') continue;
@@ -29,7 +31,12 @@ std::vector<Golden> read_golden() {
         Golden g;
         words >> g.version >> g.name;
         for (float& v : g.values) words >> v;
-        if (words) all.push_back(g);
+        if (!words) continue;
+        for (const int version : alike.at(g.version)) {
+            if (version == 405 && g.name == "metallic/thinfilm") continue;  // came with 5.0
+            g.version = version;
+            all.push_back(g);
+        }
     }
     return all;
 }
@@ -255,7 +262,7 @@ bool is_excluded(const Golden& g, int tilt, bool furnace, int sun = -1) {
     if (!furnace) {
         // The reference lost a sixteenth of its samples here, or was lit by its neighbours, the tiles that emit.
         if (tilt == 2 && g.version >= 402 && starts("diffuse/r0")) return true;
-        if (tilt == 2 && g.version == 502 && starts("principled/thinfilm")) return true;
+        if (tilt == 2 && g.version >= 405 && starts("principled/thinfilm")) return true;
         if (tilt > 0 && g.version >= 402 && starts("velvet")) return true;
         if (tilt == 2 && g.version == 402 && starts("principled/spec0")) return true;
         if (starts("principled/emit")) return true;
