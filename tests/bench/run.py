@@ -2,6 +2,7 @@
 
     ./talbot bench [SCENE ...] [--blender WHICH] [--seeds N] [--seconds S] [--size W] [--json FILE] [--against FILE]
     ./talbot bench limit [SCENE ...] [--blender WHICH]       (limit.py)
+    ./talbot bench nodes [NAME ...] [--blender WHICH]        (nodes.py)
 
 SCENE is a .blend file, a script that builds a scene (script.py:argument), or a folder of .blend files; without one, the
 scenes of this project. Each engine renders about `--seconds` a picture, once for each seed, without clamping,
@@ -24,10 +25,12 @@ from pathlib import Path
 from typing import Any
 
 import limit
+import nodes
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 JOB = Path(__file__).with_name("render_job.py")
+OTHERS = {"limit": limit.main, "nodes": nodes.main}
 DEFAULT_SCENES = ["scenes/cornell.py", "scenes/cornell.py:spheres", "scenes/terrain.py", "scenes/default.py"]
 
 
@@ -98,9 +101,8 @@ def row(name: str, engine: str, r: dict[str, Any], gain: str) -> str:
 
 
 def main() -> int:
-    if sys.argv[1:2] == ["limit"]:
-        del sys.argv[1]
-        return limit.main()
+    if len(sys.argv) > 1 and sys.argv[1] in OTHERS:
+        return OTHERS[sys.argv.pop(1)]()
     parser = argparse.ArgumentParser(prog="talbot bench", description="Measure Talbot beside Cycles.")
     parser.add_argument("scenes", nargs="*", help=".blend files, scene scripts or folders")
     parser.add_argument("--blender", default="", help="which Blender, as in ./talbot blender")
