@@ -4,6 +4,7 @@ import importlib
 import importlib.util
 import platform
 import sys
+import sysconfig
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -59,18 +60,31 @@ def _import() -> ModuleType:
 
 
 def _why_not_imported(error: ImportError) -> str:
-    running = f"{sys.version_info.major}.{sys.version_info.minor}"
     found = sorted(path.name for path in _FOLDER.glob(f"{_NAME}*.so"))
-    if not found:
-        return f"The native module is missing from {_FOLDER}: install a packaged Talbot, or build it with CMake"
     # A file that is found but does not load raises ImportError itself, under the same name.
-    if isinstance(error, ModuleNotFoundError) and (error.name or "").endswith(_NAME):
-        system = f"{platform.system()} on {platform.machine()}"
-        return (
-            f"The native module {found[0]} is not for this Blender's Python {running} ({system}): "
-            "install the matching build"
-        )
-    return f"The native module {found[0]} cannot be loaded: {error}"
+    if not isinstance(error, ModuleNotFoundError):
+        return f"The native module {found[0] if found else _NAME} cannot be loaded: {error}"
+    if found and not (error.name or "").endswith(_NAME):
+        return f"The native module {found[0]} cannot be loaded: {error}"
+    running = f"Python {sys.version_info.major}.{sys.version_info.minor} ({platform.system()} on {platform.machine()})"
+    if found:
+        return f"The native module {found[0]} is not for this Blender's {running}: install the matching build"
+    wheels = sorted(path.name for path in (_FOLDER / "wheels").glob("*.whl"))
+    if not wheels:
+        return f"The native module is missing from {_FOLDER}: install a packaged Talbot, or build it with CMake"
+    if not any(_fits(name) for name in wheels):
+        return f"{wheels[0]} is not for this Blender's {running}: install the matching Talbot"
+    return (
+        f"Blender has not unpacked {wheels[0]}: make its folder of extensions writable, then disable and enable Talbot"
+    )
+
+
+def _fits(wheel: str) -> bool:
+    """By the tags in its name: for this Python, this system and this processor."""
+    pythons, _, system = wheel.removesuffix(".whl").split("-")[-3:]
+    here = sysconfig.get_platform().split("-")
+    is_for_python = f"cp{sys.version_info.major}{sys.version_info.minor}" in pythons.split(".")
+    return is_for_python and here[0] in system and system.endswith(here[-1])
 
 
 def module() -> ModuleType:

@@ -77,24 +77,31 @@ def _property(setting: Setting) -> Any:
 
 
 class TalbotSceneSettings(bpy.types.PropertyGroup):
-    """Render settings of a scene."""
-
-    use_cycles_settings: bpy.props.BoolProperty(
-        name="Use Cycles Settings",
-        description="What was not changed in Talbot renders as it is set for Cycles",
-        default=True,
-        update=_changed,
-    )
-    show_tracebacks: bpy.props.BoolProperty(
-        name="Print Tracebacks", description="Print where in Talbot an error arose, for bug reports", default=False
-    )
-    settings_version: bpy.props.IntProperty(
-        name="Settings Version", description="Version of the stored settings", default=0, options={"HIDDEN"}
-    )
+    """Render settings of a scene: what `_declare` says, while registered."""
 
 
-for _setting in SETTINGS:
-    TalbotSceneSettings.__annotations__[_setting.name] = _property(_setting)
+def _declare() -> dict[str, Any]:
+    """The properties, with callbacks in them.
+
+    They are in the class only while it is registered, for Blender 4.2 never lets go of the class: with callbacks in it,
+    it would keep this module, and `bpy` with it, beyond the end of Python; panels would then be freed without one, and
+    the official module would crash as its process ends.
+    """
+    declared: dict[str, Any] = {
+        "use_cycles_settings": bpy.props.BoolProperty(
+            name="Use Cycles Settings",
+            description="What was not changed in Talbot renders as it is set for Cycles",
+            default=True,
+            update=_changed,
+        ),
+        "show_tracebacks": bpy.props.BoolProperty(
+            name="Print Tracebacks", description="Print where in Talbot an error arose, for bug reports", default=False
+        ),
+        "settings_version": bpy.props.IntProperty(
+            name="Settings Version", description="Version of the stored settings", default=0, options={"HIDDEN"}
+        ),
+    }
+    return declared | {setting.name: _property(setting) for setting in SETTINGS}
 
 
 def migrate(scene: Any) -> None:
@@ -163,6 +170,7 @@ _CLASSES = (TalbotSceneSettings, TALBOT_OT_copy_cycles_settings, TALBOT_OT_clear
 
 def register() -> None:
     """Adds `Scene.talbot` and the operators."""
+    TalbotSceneSettings.__annotations__ = _declare()
     register_classes(_CLASSES)
     bpy.types.Scene.talbot = bpy.props.PointerProperty(type=TalbotSceneSettings)
     if _on_load not in bpy.app.handlers.load_post:
@@ -176,6 +184,7 @@ def unregister() -> None:
     if hasattr(bpy.types.Scene, "talbot"):
         del bpy.types.Scene.talbot
     unregister_classes(_CLASSES)
+    TalbotSceneSettings.__annotations__ = {}
 
 
 def register_classes(classes: tuple[type, ...]) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import platform
 import re
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +12,9 @@ from types import SimpleNamespace
 import bpy
 import pytest
 import talbot
-from talbot import compat_ui, native, versions
+from talbot import compat_ui, native, properties, versions
+
+PYTHON_TAG = f"cp{sys.version_info.major}{sys.version_info.minor}"
 
 
 def engine_names() -> set[str]:
@@ -40,6 +44,7 @@ def test_register_and_unregister_twice() -> None:
         talbot.unregister()
         talbot.unregister()
         assert not hasattr(bpy.types.Scene, "talbot")
+        assert properties.TalbotSceneSettings.__annotations__ == {}, "callbacks outlive Python in 4.2"
         open_panels = [
             p
             for p in bpy.types.Panel.__subclasses__()
@@ -55,6 +60,15 @@ def test_register_and_unregister_twice() -> None:
     for panel, engines in panels_before.items():
         if not panel.__name__.startswith("TALBOT_"):
             assert engines == set(panel.COMPAT_ENGINES), panel.__name__
+
+
+@pytest.mark.skipif(bool(bpy.app.binary_path), reason="a program, not the module")
+def test_a_script_leaves_with_status_0() -> None:
+    """Without any care for the end, and without the launcher's driver. Crashed 4.2, hung 4.5."""
+    folder = str(Path(talbot.__file__).parents[1])
+    script = f"import sys; sys.path.append({folder!r}); import bpy, talbot; talbot.register()"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (result.returncode, result.stderr) == (0, "")
 
 
 def test_a_second_copy_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -188,6 +202,26 @@ class TestNativeModule:
             ImportError("libembree3.so.3: cannot open shared object file", name="talbot._talbot", path="_talbot.so"),
         )
         assert "_talbot.so cannot be loaded: libembree3.so.3" in problem
+
+    def test_system_too_old_for_the_wheel(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        text = "libstdc++.so.6: version `GLIBCXX_3.4.29' not found"
+        problem = self.load(monkeypatch, ImportError(text, name="talbot_native._talbot"))
+        assert problem == f"The native module _talbot cannot be loaded: {text}"
+
+    @pytest.mark.parametrize("tags", ["cp39-none-manylinux_2_34_x86_64", "{}-none-win_amd64", "{}-none-linux_aarch64"])
+    def test_wheel_of_another_system(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, tags: str) -> None:
+        wheel = f"talbot-0.1.0-{tags.format(PYTHON_TAG)}.whl"
+        (tmp_path / "wheels").mkdir()
+        (tmp_path / "wheels" / wheel).write_bytes(b"")
+        problem = self.load(monkeypatch, ModuleNotFoundError("No module named", name="talbot_native"))
+        assert problem.startswith(f"{wheel} is not for this Blender's Python {sys.version_info.major}.")
+
+    def test_wheel_not_unpacked(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "wheels").mkdir()
+        wheel = f"talbot-0.1.0-cp39.{PYTHON_TAG}-none-manylinux_2_34_{platform.machine()}.whl"
+        (tmp_path / "wheels" / wheel).write_bytes(b"")
+        problem = self.load(monkeypatch, ModuleNotFoundError("No module named", name="talbot_native"))
+        assert f"Blender has not unpacked {wheel}" in problem and "writable" in problem
 
     def test_old_one_in_memory(self, monkeypatch: pytest.MonkeyPatch) -> None:
         assert "restart Blender" in self.load(monkeypatch, self.fake(version="0.0.9"))
