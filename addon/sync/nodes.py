@@ -192,6 +192,8 @@ class GraphBuilder:
                     self.context.warn(f"{self.owner}, node '{name}': minimum and maximum of its mapping are ignored")
             elif identifier == "object" and value is not None:
                 out["object_matrix"] = matrix_rows(value.matrix_world.inverted_safe())
+        if getattr(node, "sample_attribute_items", None):
+            self.context.warn(f"{self.owner}, node '{name}': attributes where its ray ends are not read, they are 0")
         return out
 
     def _add_ies(self, node: Any, name: str, out: dict[str, Any]) -> None:

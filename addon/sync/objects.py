@@ -25,6 +25,7 @@ VISIBILITY = (
     ("visible_volume_scatter", 16),
     ("visible_shadow", 32),
 )
+VISIBLE_RAYCAST = 128
 IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
 SKIP, LIGHT = -1, -2
 GEOMETRY = ("MESH", "CURVES", "POINTCLOUD")
@@ -251,6 +252,8 @@ class ObjectPass:
             if getattr(obj, name) and (parent is None or getattr(parent, name)):
                 mask |= bit
         holder = parent if parent is not None else obj
+        if getattr(holder, "visible_raycast", False):  # Blender 5.2 and newer
+            mask |= VISIBLE_RAYCAST
         if holder.indirect_only_get(view_layer=self.view_layer):
             mask &= ~1
         return mask

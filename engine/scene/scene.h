@@ -24,7 +24,8 @@ enum Visibility : uint32_t {
     kVisibleTransmission = 8,
     kVisibleVolume = 16,
     kVisibleShadow = 32,
-    kVisibleAll = 63,
+    kVisibleRaycast = 128,  ///< met by the Raycast node's rays; 64 is taken by the accelerator's own kind of shadow ray
+    kVisibleAll = 63 | kVisibleRaycast,
 };
 
 enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };

@@ -1,4 +1,4 @@
-// Nodes that look around the shading point: Ambient Occlusion, Bevel, Wireframe.
+// Nodes that look around the shading point: Ambient Occlusion, Bevel, Raycast, Wireframe.
 #include "shader/catalogue.h"
 #include "shader/graph_compiler.h"
 
@@ -33,6 +33,18 @@ void compile_bevel(NodeContext& n) {
     n.set_vector("Normal", normal);
 }
 
+void compile_raycast(NodeContext& n) {
+    Expressions& e = n.e;
+    const Value3 p = n.linked("Position") ? n.vector("Position") : n.position();
+    const Value3 d = n.linked("Direction") ? n.vector("Direction") : e.input3(InputColumn::NormalX);
+    const Value hit = e.emit(Op::Raycast, n.flag("only_local") ? 1 : 0, {p.x, p.y, p.z, d.x, d.y, d.z, n.value("Length", 1)}, 9);
+    n.set("Is Hit", hit);
+    n.set("Self Hit", e.after(hit, 1));
+    n.set("Hit Distance", e.after(hit, 2));
+    n.set_vector("Hit Position", e.triple(e.after(hit, 3)));
+    n.set_vector("Hit Normal", e.triple(e.after(hit, 6)));
+}
+
 void compile_wireframe(NodeContext& n) {
     const Value3 p = n.position();
     n.set("Fac", n.e.emit(Op::Wireframe, n.flag("use_pixel_size") ? 1 : 0, {n.value("Size", 0.01f), p.x, p.y, p.z}));
@@ -41,6 +53,7 @@ void compile_wireframe(NodeContext& n) {
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeAmbientOcclusion", compile_ambient_occlusion},
     {"ShaderNodeBevel", compile_bevel},
+    {"ShaderNodeRaycast", compile_raycast},
     {"ShaderNodeWireframe", compile_wireframe},
 };
 

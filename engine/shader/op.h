@@ -66,6 +66,7 @@ enum class Op : uint16_t {
     Wireframe,  ///< size, p -> 1 near an edge of the triangle. variant: 1 size in pixels. Not foldable
     Occlusion,  ///< normal, distance -> unoccluded share. variant: 1 inside | 2 own object only; data: samples, salt << 8. Not foldable
     Bevel,      ///< radius -> normal. data: samples, salt << 8. Not foldable
+    Raycast,    ///< origin, direction, length -> hit, hit on the own object, distance, position, normal. variant: 1 own object only. Not foldable
     Random,     ///< -> u, v. data: dimension salt. Not foldable
 
     // Closure parameters: kernels/ops_closure*.cpp
@@ -247,6 +248,7 @@ inline constexpr bool is_foldable(Op op) {
         case Op::Wireframe:
         case Op::Occlusion:
         case Op::Bevel:
+        case Op::Raycast:
         case Op::Random:
             return false;
         default:

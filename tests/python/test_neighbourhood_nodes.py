@@ -39,6 +39,36 @@ def bevel(tree: Any) -> Any:
     return shift.outputs[0]
 
 
+def raycast(output: str, **properties: Any) -> Callable[[Any], Any]:
+    """Along the normal of the point, or up from the floor of the scene."""
+
+    def build(tree: Any) -> Any:
+        if not hasattr(bpy.types, "ShaderNodeRaycast"):
+            pytest.skip("this Blender has no Raycast node")
+        source = link_node(tree, "ShaderNodeRaycast", output, Length=1.5, **properties)
+        shift = tree.nodes.new("ShaderNodeVectorMath")
+        shift.operation = "MULTIPLY_ADD"
+        shift.inputs[1].default_value = shift.inputs[2].default_value = (0.25, 0.25, 0.25)
+        tree.links.new(source, shift.inputs[0])
+        return shift.outputs[0]
+
+    return build
+
+
+def raycast_up(tree: Any) -> Any:
+    """From half a metre above each point, up and askew: no unit vector."""
+    output = raycast("Hit Distance")(tree)
+    node = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeRaycast")
+    above = tree.nodes.new("ShaderNodeVectorMath")
+    above.inputs[1].default_value = (0, 0, 0.5)
+    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], above.inputs[0])
+    tree.links.new(above.outputs[0], node.inputs["Position"])
+    direction = tree.nodes.new("ShaderNodeCombineXYZ")
+    direction.inputs["X"].default_value, direction.inputs["Z"].default_value = -0.7, 2.0
+    tree.links.new(direction.outputs[0], node.inputs["Direction"])
+    return output
+
+
 CASES: dict[str, tuple[Callable[[Any], Any], float]] = {
     "occlusion": (occlusion(Color=(0.9, 0.6, 0.3, 1.0)), 0.02),
     "occlusion inside": (occlusion(inside=True), 0.02),
@@ -49,6 +79,13 @@ CASES: dict[str, tuple[Callable[[Any], Any], float]] = {
         lambda tree: link_node(tree, "ShaderNodeWireframe", 0, Size=2.0, use_pixel_size=True),
         0.02,
     ),
+    "raycast hit": (raycast("Is Hit"), 0.002),
+    "raycast self": (raycast("Self Hit"), 0.002),
+    "raycast distance": (raycast("Hit Distance"), 0.002),
+    "raycast position": (raycast("Hit Position"), 0.002),
+    "raycast normal": (raycast("Hit Normal"), 0.002),
+    "raycast of the object": (raycast("Hit Distance", only_local=True), 0.002),
+    "raycast up": (raycast_up, 0.002),
     "pointiness": (lambda tree: link_node(tree, "ShaderNodeNewGeometry", "Pointiness"), 0.002),
 }
 """What feeds the emission, and how far pixels may be off on average, noise included."""

@@ -147,6 +147,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Bevel:
                 op_bevel(i, r, n, scope);
                 break;
+            case Op::Raycast:
+                op_raycast(i, r, n, scope);
+                break;
             case Op::Random:
                 op_random(i, r, n, scope);
                 break;

@@ -66,6 +66,7 @@ void op_bump(Registers r, int n);
 void op_wireframe(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_occlusion(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_bevel(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_raycast(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_random(const Instruction& i, Registers r, int n, const OpScope& scope);
 
 /// Closure parameters, by Instruction::variant; see ops_closure.cpp.

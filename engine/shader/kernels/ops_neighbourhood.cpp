@@ -1,4 +1,4 @@
-// Nodes that look around: at the triangle they are on (Wireframe), or along rays (Ambient Occlusion, Bevel). Samples run one after the other,
+// Nodes that look around: at the triangle they are on (Wireframe), or along rays (Ambient Occlusion, Bevel, Raycast). Samples run one after the other,
 // each for all lanes of the span at once.
 #include "base/sobol.h"
 #include "shader/kernels/ops.h"
@@ -247,6 +247,51 @@ void op_bevel(const Instruction& i, Registers r, int n, const OpScope& s) {
         r[2][k] = normal.z;
     }
     fill_rest(r, 3, lanes, n);
+}
+
+/// One ray from anywhere. From the shaded point itself it starts off the surface, so that it does not meet it again.
+void op_raycast(const Instruction& i, Registers r, int n, const OpScope& s) {
+    const bool only_local = i.variant & 1;
+    const int lanes = s.span.n;
+    RayBuffer rays;
+    const Columns3 origin{rays.origin[0], rays.origin[1], rays.origin[2]}, direction{rays.direction[0], rays.direction[1], rays.direction[2]};
+    float error[kSpan];
+    for (int k = 0; k < lanes; ++k) {
+        const Vec3 p{r[9][k], r[10][k], r[11][k]}, d{r[12][k], r[13][k], r[14][k]}, here = load(s.span.p, k);
+        const float length = r[15][k], squares = dot(d, d);
+        store(origin, k, p);
+        store(direction, k, d);
+        const bool at_surface = p.x == here.x && p.y == here.y && p.z == here.z;
+        error[k] = at_surface && s.span.error ? s.span.error[k] : 0.0f;
+        rays.object_only[k] = rays.object[k] = object_at(s, k);
+        const bool valid = rays.object[k] >= 0 && length > 0.0f && squares > 0.0f && squares < 1e30f && dot(p, p) < 1e36f;
+        rays.t_max[k] = valid ? length : 0.0f;
+        rays.object[k] = -1;
+    }
+    if (s.context.trace.call) {
+        TraceRequest request = rays.request(lanes, scene::kVisibleRaycast);
+        request.n_g = s.span.n_g;
+        request.error = error;
+        if (only_local) request.object_only = rays.object_only;
+        s.context.trace.call(s.context.trace.user, request);
+    }
+    for (int k = 0; k < lanes; ++k) {
+        const bool hit = rays.object[k] >= 0;
+        const Vec3 d = load(direction, k);
+        // Strands and points are met face to face.
+        Vec3 at{0, 0, 0}, normal{0, 0, 0};
+        if (hit) {
+            at = load(origin, k) + d * rays.t[k];
+            normal =
+                mesh_at(s, rays.object[k], rays.primitive[k]) ? normals_at(s, rays.object[k], rays.primitive[k], rays.u[k], rays.v[k]).shading : normalize(-d);
+        }
+        r[0][k] = hit ? 1.0f : 0.0f;
+        r[1][k] = hit && rays.object[k] == object_at(s, k) ? 1.0f : 0.0f;
+        r[2][k] = hit ? rays.t[k] : r[15][k];
+        store({r[3], r[4], r[5]}, k, at);
+        store({r[6], r[7], r[8]}, k, normal);
+    }
+    fill_rest(r, 9, lanes, n);
 }
 
 }  // namespace TALBOT_ISA
