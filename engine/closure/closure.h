@@ -28,6 +28,7 @@ enum class ClosureType : uint8_t {
     Microfacet,             ///< reflection. alpha_x, alpha_y, tangent xyz, Fresnel data (see microfacet.h, also for the variants)
     MicrofacetRefract,      ///< refraction only (Walter); alpha_x, alpha_y, tangent, ior
     MicrofacetGlass,        ///< reflection and refraction by Fresnel: alpha, ior, F0 scale rgb, reflection tint rgb, transmission tint rgb
+    MicrofacetThin,         ///< transmission of a thin pane: Microfacet without Fresnel, mirrored in the surface; alpha_x, alpha_y, tangent
     AshikhminShirley,       ///< alpha_x, alpha_y, tangent
     AshikhminVelvet,        ///< sigma (0.01 and more)
     SheenLtc,               ///< roughness (0.001 .. 1); microfiber
@@ -112,6 +113,7 @@ struct AlphaRange {
 TALBOT_INLINE AlphaRange closure_alphas(ClosureType type) {
     switch (type) {
         case ClosureType::Microfacet:
+        case ClosureType::MicrofacetThin:
         case ClosureType::MicrofacetRefract:
         case ClosureType::AshikhminShirley:
             return {0, 2};

@@ -10,6 +10,7 @@ struct Layers : ClosureMaker {
     Value3 normal, glossy, coat;
     Value roughness, ior;
     bool multi;
+    bool thin = false;  ///< a sheet without an inside
     Film film;
 
     Layers(NodeContext& node, Value3 w) : ClosureMaker(node), weight(w) {
@@ -21,6 +22,10 @@ struct Layers : ClosureMaker {
         ior = n.value("IOR", 1.5f);
         multi = n.choice("distribution", {"MULTI_GGX", "GGX"}) == 0;
         film = thin_film();
+        if (!n.has("Thin Wall")) return;
+        const Value wall = n.value("Thin Wall");
+        thin = e.is_known(wall) && e.known(wall) != 0;
+        if (!e.is_known(wall)) n.warn("Thin Wall is linked: rendered as a solid");
     }
 
     void transparency() {
@@ -80,10 +85,26 @@ struct Layers : ClosureMaker {
         const Value amount = factor("Transmission Weight");
         if (is_zero(amount)) return;
         const Value3 clamped = e.saturate(base);
+        if (thin) return pane(amount, clamped);
         const Value3 pass{e.sqrt(clamped.x), e.sqrt(clamped.y), e.sqrt(clamped.z)};
         const Value alpha = op(ClosureOp::AlphaFromRoughness, {roughness}), index = relative_index(ior);
         const Value3 gain = multi ? glass_energy(glossy, alpha, index, pass) : white();
         glass(e.mul(e.mul(weight, amount), gain), glossy, alpha, index, color("Specular Tint"), white(), pass, false, false, relative(film, ior));
+        weight = e.mul(weight, e.one_minus(amount));
+    }
+
+    /// Both sides of a sheet, with all reflections between them.
+    void pane(Value amount, Value3 color) {
+        if (film.exists) n.warn("Thin film on a transparent thin wall is not supported: rendered without it");
+        const Value3 wo = n.incoming(), tint = this->color("Specular Tint");
+        const Width width = isotropic(roughness, glossy);
+        const Value shares =
+            op(ClosureOp::ThinPane, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, ior, color.x, color.y, color.z, tint.x, tint.y, tint.z}, 7);
+        const Value alpha = e.after(shares, 6);
+        const Value3 all = e.mul(weight, amount);
+        reflection(e.mul(all, e.triple(shares)), glossy, width, FresnelKind::None, {});
+        n.closure(ClosureType::MicrofacetThin, LobeKind::Transmission, e.mul(all, e.triple(e.after(shares, 3))), glossy,
+                  {alpha, alpha, glossy.x, glossy.y, glossy.z});
         weight = e.mul(weight, e.one_minus(amount));
     }
 
@@ -114,7 +135,15 @@ struct Layers : ClosureMaker {
     }
 
     void body() {
-        if (n.has("Subsurface Weight") && !is_zero(n.value("Subsurface Weight"))) {
+        const bool scatters = n.has("Subsurface Weight") && !is_zero(n.value("Subsurface Weight"));
+        if (scatters && thin) {
+            // Scattered inside a sheet, half of the light leaves on either side.
+            const Value share = factor("Subsurface Weight");
+            const Value3 half = e.mul(e.mul(weight, base), e.mul(share, 0.5f));
+            diffuse(half, normal);
+            n.closure(ClosureType::Translucent, LobeKind::Diffuse, half, normal);
+            weight = e.mul(weight, e.one_minus(share));
+        } else if (scatters) {
             n.warn("Subsurface scattering is not supported yet: rendered as diffuse of the same colour");
         }
         const Value rough = n.value("Diffuse Roughness");
@@ -128,7 +157,6 @@ struct Layers : ClosureMaker {
 void compile_principled(NodeContext& n, Value3 weight) {
     if (n.semantics.version < 400) return compile_principled_v1(n, weight);
     Layers layers(n, weight);
-    if (n.has("Thin Wall") && !layers.is_zero(n.value("Thin Wall"))) n.warn("Thin Wall is not supported yet: rendered as a solid");
     layers.transparency();
     layers.sheen();
     layers.clear_coat();

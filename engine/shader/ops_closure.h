@@ -19,6 +19,7 @@ enum class ClosureOp : uint8_t {
     ConductorMean,       ///< n rgb, k rgb -> mean reflectance rgb
     Specular,            ///< n, wo, alpha_x, alpha_y, ior, level, tint rgb -> index of the curve, F0 rgb, albedo rgb, mean reflectance
     Coat,                ///< n, wo, alpha, ior -> albedo, path length through the coat
+    ThinPane,            ///< n, wo, alpha, ior, colour of one passage rgb, tint of reflections rgb -> reflected rgb, transmitted rgb, alpha of transmission
     SheenAlbedo,         ///< n, wo, roughness -> albedo
     FresnelAt,           ///< n, wo, ior -> dielectric reflectance for the whole surface
     SpecularV1,          ///< base rgb, specular, tint, metallic -> index of the curve, F0 rgb, mean reflectance rgb

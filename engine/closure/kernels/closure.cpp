@@ -25,6 +25,7 @@ void dispatch(const ClosureSlot& slot, const LobeCall& call) {
         case ClosureType::MicrofacetGlass:
             return run_interface(slot.type, slot.variant, call);
         case ClosureType::Microfacet:
+        case ClosureType::MicrofacetThin:
         case ClosureType::AshikhminShirley:
             return run_microfacet(slot.type, slot.variant, call);
         case ClosureType::AshikhminVelvet:

@@ -1,4 +1,4 @@
-/// Microfacet reflection with every kind of Fresnel, and Ashikhmin-Shirley.
+/// Microfacet reflection with every kind of Fresnel, the same passed through a thin pane, and Ashikhmin-Shirley.
 #include "closure/microfacet.h"
 
 #include "closure/albedo.h"
@@ -125,6 +125,23 @@ struct ReflectLobe {
     TALBOT_MEMBER float roughness() const { return dist.roughness(); }
 };
 
+/// Light that a thin pane spreads on its far side as a rough mirror would on the near one.
+struct PaneLobe {
+    static constexpr bool kDiffuse = false, kTransmits = true;
+    ReflectLobe<NoFresnel, false> mirror;
+    TALBOT_MEMBER static PaneLobe load(const float* const* p, int i, const LobeUniform& u) { return {ReflectLobe<NoFresnel, false>::load(p, i, u)}; }
+    TALBOT_MEMBER static Vec3 across(const LobeLane& lane, Vec3 w) { return w - lane.n * (2.0f * dot(lane.n, w)); }
+    TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi) const { return mirror.eval(lane, across(lane, wi)); }
+    TALBOT_MEMBER LobeSample sample(const LobeLane& lane, float u, float v, float w) const {
+        LobeSample s = mirror.sample(lane, u, v, w);
+        s.wi = across(lane, s.wi);
+        s.flags |= int32_t(kSampledTransmit);
+        return s;
+    }
+    TALBOT_MEMBER Rgb albedo(const LobeLane&) const { return vec3(1.0f); }
+    TALBOT_MEMBER float roughness() const { return mirror.roughness(); }
+};
+
 /// [Ashikhmin & Shirley 2000, "An Anisotropic Phong BRDF Model"] without its Fresnel: f cos = cos sqrt((nx+1)(ny+1)) (n.h)^e /
 /// (8 pi (h.wi) max(n.wo, n.wi)), exponents n = 2 / alpha^2 - 2.
 struct AshikhminShirleyLobe {
@@ -215,6 +232,8 @@ void run_microfacet(ClosureType type, uint8_t variant, const LobeCall& call) {
     switch (type) {
         case ClosureType::AshikhminShirley:
             return run_lobe<AshikhminShirleyLobe>(call);
+        case ClosureType::MicrofacetThin:
+            return run_lobe<PaneLobe>(call);
         default: {
             const FresnelKind kind = FresnelKind(variant & kVariantFresnelMask);
             return beckmann ? run_reflect<true>(kind, call) : run_reflect<false>(kind, call);

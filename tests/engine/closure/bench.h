@@ -195,6 +195,7 @@ inline std::vector<Case> all_cases() {
         {"refract 1.45", T::MicrofacetRefract, refract(0.2f, 1.45f), 0, tilted},
         {"refract 1/1.45", T::MicrofacetRefract, refract(0.2f, 1 / 1.45f), 0, tilted},
         {"refract beckmann", T::MicrofacetRefract, refract(0.3f, 1.33f), kBeckmann, tilted, 304},
+        {"pane", T::MicrofacetThin, reflect(0.3f, 0.3f), 0, tilted},
         {"glass .09", T::MicrofacetGlass, glass(0.09f, 1.45f), 0, tilted},
         {"glass .5", T::MicrofacetGlass, glass(0.5f, 1.45f), 0, tilted},
         {"glass .5 inside", T::MicrofacetGlass, glass(0.5f, 1 / 1.45f), 0, direction(60, 10)},

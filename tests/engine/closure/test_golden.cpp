@@ -34,6 +34,7 @@ std::vector<Golden> read_golden() {
         if (!words) continue;
         for (const int version : alike.at(g.version)) {
             if (version == 405 && g.name == "metallic/thinfilm") continue;  // came with 5.0
+            if (version < 502 && g.name.starts_with("principled/thinwall")) continue;
             g.version = version;
             all.push_back(g);
         }
@@ -82,6 +83,8 @@ Extra principled_sockets(const std::string& name, bool old) {
         {"thinfilm", {{{"Thin Film Thickness", 400}, {"Thin Film IOR", 1.33f}, {"Roughness", 0.3f}}, {}}},
         {"diffrough", {{{"Diffuse Roughness", 0.7f}}, {}}},
         {"trans", {{{"Transmission Weight", 1}, {"Roughness", 0.4f}}, {}}},
+        {"thinwall_trans", {{{"Thin Wall", 1}, {"Transmission Weight", 1}, {"Roughness", 0.4f}}, {}}},
+        {"thinwall_sss", {{{"Thin Wall", 1}, {"Subsurface Weight", 1}}, {}}},
         {"emit", {{{"Emission Strength", 0.5f}, {"Coat Weight", 1}, {"Sheen Weight", 1}}, {{"Emission Color", {0.3f, 0.6f, 0.9f}}}}},
     };
     static const std::map<std::string, Extra> both{

@@ -89,7 +89,6 @@ TEST(Nodes, WhatIsMissingIsNamed) {
     } cases[] = {
         {"ShaderNodeSubsurfaceScattering", {"Scale", 1}, "Subsurface"},
         {"ShaderNodeBsdfPrincipled", {"Subsurface Weight", 0.5f}, "Subsurface"},
-        {"ShaderNodeBsdfPrincipled", {"Thin Wall", 1}, "Thin Wall"},
         {"ShaderNodeBsdfRayPortal", {"Offset", 0}, "portals"},
     };
     for (const auto& c : cases) {

@@ -73,7 +73,8 @@ TEST_P(EveryClosure, SamplesFollowThePdf) {
     const Vec3 n{0, 0, 1};
     const bool glossy = bench.slot.type == ClosureType::Microfacet || bench.slot.type == ClosureType::AshikhminShirley ||
                         bench.slot.type == ClosureType::PrincipledClearcoatV1 || bench.slot.type == ClosureType::MicrofacetGlass;
-    const Sphere sphere(glossy ? n * (2 * dot(n, current.wo)) - current.wo : (bench.slot.type == ClosureType::MicrofacetRefract ? -current.wo : n));
+    const Sphere sphere(glossy ? n * (2 * dot(n, current.wo)) - current.wo
+                               : (bench.slot.type == ClosureType::MicrofacetRefract || bench.slot.type == ClosureType::MicrofacetThin ? -current.wo : n));
     const std::vector<double> mass = expected_mass(bench, sphere);
     const int kSamples = sample_count(current);
     std::vector<double> seen(mass.size());
