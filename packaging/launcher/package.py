@@ -18,6 +18,7 @@ from launcher.common import CACHE, ROOT, LauncherError, project_version, say
 
 COMPILER_MAJOR = "12"  # Debian 12's; newer ones ask for newer C and C++ libraries than the bundle may need
 DIST = ROOT / "dist"
+NEEDED_BYTES = 1e9
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +53,7 @@ def check_manifest(folder: Path) -> str:
     return text
 
 
-def build_native(pythons: list[str]) -> list[Path]:
+def build_native(pythons: list[str]) -> dict[str, bytes]:
     """The native module for these Pythons and its shared libraries, checked. One build folder a choice of Pythons."""
     prefix = libraries.build_all()
     with native.locked(libraries.PLACE):
@@ -67,10 +68,11 @@ def build_native(pythons: list[str]) -> list[Path]:
     place = libraries.PLACE / f"talbot-{'-'.join(pythons)}"
     native.build(["_talbot"], place, options)
     with native.locked(libraries.PLACE):
+        # Read at once: another launcher makes the folder anew.
         files = isolate.isolate(place / "engine" / archives.MODULE, place / "isolated")
-    examine.check_bundle(files, isolate.PREFIX)
-    say(examine.describe(files))
-    return files
+        examine.check_bundle(files, isolate.PREFIX)
+        say(examine.describe(files))
+        return {path.name: path.read_bytes() for path in files}
 
 
 def gather_notices(prefix: Path) -> dict[str, bytes]:
@@ -124,7 +126,7 @@ def gather(pythons: list[str]) -> archives.Contents:
     """Builds what goes into the packages."""
     check_compiler()
     manifest = check_manifest(ROOT / "addon")
-    files = {path.name: path.read_bytes() for path in build_native(pythons)}
+    files = build_native(pythons)
     notices = gather_notices(libraries.PREFIX)
     return archives.Contents(archives.read_addon(), files, notices, manifest, pythons, project_version())
 
@@ -142,10 +144,19 @@ def package(contents: archives.Contents, target: Path) -> list[Path]:
     return [target / name for name in files]
 
 
+def check_space() -> None:
+    """Before the first build; later ones need little, and say so where they fail."""
+    place = next(folder for folder in (libraries.PLACE, *libraries.PLACE.parents) if folder.exists())
+    free = shutil.disk_usage(place).free
+    if free < NEEDED_BYTES and not libraries.PREFIX.exists():
+        raise LauncherError(
+            f"The libraries of the bundle take {NEEDED_BYTES / 1e9:.0f} GB to build; "
+            f"{free / 1e9:.1f} GB are free in {place}."
+        )
+
+
 def run(arguments: argparse.Namespace) -> int:
-    free = shutil.disk_usage(ROOT).free
-    if free < 4e9 and not libraries.PREFIX.exists():
-        raise LauncherError(f"The libraries of the bundle take 3 GB to build; {free / 1e9:.1f} GB are free.")
+    check_space()
     pythons = sorted(set(arguments.python or headers.DEFAULT_PYTHONS), key=lambda text: int(text.split(".")[1]))
     for path in package(gather(pythons), DIST):
         data = path.read_bytes()

@@ -32,6 +32,7 @@ import bpy
 
 sys.setdlopenflags(os.RTLD_NOW)
 import numpy as np
+import without_blender
 
 import scenes
 
@@ -183,6 +184,12 @@ def pictures() -> None:
         check(found <= JOB["tolerance"], f"scene {index} differs from the system build's by {found:.3g} of its mean")
 
 
+def formats() -> None:
+    """Every format that has to be read, an animated one too."""
+    found = without_blender.problems(native().module())
+    check(found == [], "; ".join(found))
+
+
 def in_turn_with_cycles() -> None:
     """Both engines twenty times in turn: nothing changes anything."""
     for turn in range(IN_TURN):
@@ -257,18 +264,79 @@ def disable_and_enable() -> None:
 
 
 def upgrade() -> None:
-    """While the old native module is loaded: one sentence, no crash, nothing wrong rendered."""
+    """While the old native module is loaded: the new files come, and Blender goes on."""
     install_file(JOB["upgrade"])
+    check(installed_version() == JOB["next_version"], f"installed is {installed_version()}")
+    check(has_engine(), "the engine is gone")
+    check(cycles_changed(0) == 0, "Cycles' own picture changed")
+
+
+def skew() -> None:
+    """New Python files and the old native module: one sentence, and nothing is rendered."""
+    check(sys.modules[module_name()].VERSION == JOB["next_version"], "the new Python files are not in use")
     problem = native().problem()
     check("restart Blender" in problem, f"not told to restart: {problem!r}")
+    refuses_to_render("restart Blender")
+
+
+def refuses_to_render(words: str) -> None:
     scene = scenes.build(0, IMAGES)
     scene.render.engine = "TALBOT"
     try:
         bpy.ops.render.render()
-        raise AssertionError("rendered with an old native module")
     except RuntimeError as error:
-        check("restart Blender" in str(error), str(error))
-    check(cycles_changed(0) == 0, "Cycles' own picture changed")
+        check(words in str(error), str(error))
+    else:
+        raise AssertionError("rendered without a native module that fits")
+
+
+def installed_version() -> str:
+    """What the files say that are there now."""
+    source = (user_folder() / "__init__.py").read_text()
+    found = re.search(r'"version": \(([\d, ]+)\)', source)
+    check(found is not None, "no version in the installed file")
+    return found[1].replace(", ", ".")
+
+
+def user_folder() -> Path:
+    """Where Blender has put the add-on."""
+    return Path(importlib.import_module(module_name()).__file__).parent
+
+
+def other_systems() -> None:
+    """The package of another Python and of another system: Blender's sentence or ours, and no wrong engine."""
+    for name in ("of_another_python", "of_another_system"):
+        said = ""
+        try:
+            install_file(JOB[name])
+        except RuntimeError as error:
+            said = str(error)
+        if has_engine():
+            said = native().problem()
+            refuses_to_render(said)
+        words = "isn't compatible with" if name == "of_another_python" else "is not for this Blender's Python"
+        check(words in said and len(said.strip().splitlines()) == 1, f"{name}: {said!r}")
+        uninstall()
+
+
+def read_only() -> None:
+    """Into a folder that cannot be written nothing new comes, in words, and what is there works. Blender turns an
+    extension off before it looks whether it may replace it."""
+    before = installed_files()
+    said = ""
+    try:
+        install_file(JOB["upgrade"])
+    except RuntimeError as error:
+        said = str(error)
+    check("ermission denied" in said, f"said is {said!r}")
+    check(installed_files() == before, "the installed files changed")
+    enable()
+    one_picture()
+
+
+def installed_files() -> dict[str, int]:
+    user = Path(os.environ["BLENDER_USER_RESOURCES"])
+    return {str(path): path.stat().st_size for path in user.rglob("*") if path.is_file() and "config" not in path.parts}
 
 
 def second_copy() -> None:
@@ -341,6 +409,7 @@ def main() -> None:
             install,
             enable,
             pictures,
+            formats,
             in_turn_with_cycles,
             who_answers,
             denoise,
@@ -348,6 +417,9 @@ def main() -> None:
             disable_and_enable,
             second_copy,
             upgrade,
+            skew,
+            other_systems,
+            read_only,
             downgrade,
             one_picture,
             uninstall,
@@ -358,7 +430,7 @@ def main() -> None:
     for name in JOB["steps"]:
         print(f"--- {name}", flush=True)
         # A crash in this step is this step's failure.
-        write_report([*results, (name, "failed", "the process ended in this step")])
+        write_report([*results, (name, "failed", JOB["ended"])])
         try:
             steps[name]()
             results.append((name, "", ""))

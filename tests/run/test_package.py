@@ -7,13 +7,15 @@ import hashlib
 import io
 import re
 import subprocess
+import sys
 import zipfile
 from base64 import urlsafe_b64decode
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import tomllib
-from launcher import package
+from launcher import package, packaged
 from launcher.bundle import archives, examine, headers, isolate, libraries
 from launcher.bundle.parts import PARTS, PYBIND11, Part
 from launcher.common import ROOT, LauncherError, project_version
@@ -116,6 +118,21 @@ def test_a_module_is_read_as_it_is(tmp_path: Path) -> None:
         examine.check_bundle([module], "talbot_")
 
 
+def test_the_module_names_the_pythons_it_is_for(tmp_path: Path) -> None:
+    """The entry by itself, built for Pythons that this one is not."""
+    others = "PYTHON(3,1,PyInit_first) PYTHON(3,2,PyInit_second)"
+    entries = (
+        'extern "C" void* PyInit_first() { return nullptr; }\nextern "C" void* PyInit_second() { return nullptr; }\n'
+    )
+    source = (ROOT / "packaging" / "bundle" / "entry.cpp").read_text()
+    compiled(tmp_path / "_talbot.so", source + entries, f"-DTALBOT_PYTHONS={others}")
+    script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import _talbot"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    here = f"{sys.version_info.major}.{sys.version_info.minor}"
+    said = f"ImportError: it is built for Python 3.1 3.2, and this is {here}"
+    assert (result.returncode, result.stderr.strip().splitlines()[-1]) == (1, said)
+
+
 def test_a_shared_library_inside_gets_names_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the tool replaced: what it is told to do to which file."""
     library = compiled(tmp_path / "libthing.so.1", 'extern "C" int thing() { return 3; }', "-Wl,-soname,libthing.so.1")
@@ -209,6 +226,25 @@ def fake_part(content: bytes) -> Part:
     return Part("thing", "t/thing/thing_1.orig.tar.gz", hashlib.sha256(content).hexdigest(), "MIT", ())
 
 
+def test_too_small_a_disk_is_told_first(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(libraries, "PLACE", place / "build" / "bundle")  # neither is there yet
+    monkeypatch.setattr(package.shutil, "disk_usage", lambda path: SimpleNamespace(free=7e8))
+    with pytest.raises(LauncherError, match=rf"take 1 GB to build; 0\.7 GB are free in {place}"):
+        package.check_space()
+    (place / "prefix").mkdir()
+    package.check_space()
+
+
+def test_a_disk_that_fills_up_is_a_message(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(part: Part) -> None:
+        Path("/dev/full").write_text("x")
+
+    monkeypatch.setattr(libraries, "build_part", fill)
+    with pytest.raises(LauncherError, match=rf"{PARTS[0].name} could not be built: .*No space left"):
+        libraries.build_all()
+    assert list((place / "done").iterdir()) == []
+
+
 def test_without_network_there_is_one_sentence(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(libraries, "mirrors", lambda: ["http://127.0.0.1:1/debian"])
     with pytest.raises(LauncherError, match=r"(?s)thing could not be fetched.*needs the network once"):
@@ -285,3 +321,22 @@ def test_the_configuration_of_other_platforms_keeps_step() -> None:
     assert set(re.findall(r"\b(TALBOT_\w+)", text)) <= defined
     engine = (ROOT / "engine" / "CMakeLists.txt").read_text()
     assert all(f"COMPONENT {name}" in engine for name in config["tool"]["scikit-build"]["install"]["components"])
+
+
+@pytest.mark.parametrize(
+    ("cases", "again"),
+    [
+        ([("4.2: cycles_alone", packaged.ENDED)], True),
+        ([("4.2: cycles_alone", "AssertionError: dark")], False),
+        ([("4.2: install", packaged.ENDED)], False),
+        ([("4.2: cycles_alone", ""), ("4.2: install", packaged.ENDED)], False),
+    ],
+)
+def test_only_what_happens_without_talbot_is_tried_again(
+    tmp_path: Path, cases: list[tuple[str, str]], again: bool
+) -> None:
+    texts = [f'<failure message="{message}"/>' if message else "" for _, message in cases]
+    lines = [f'<testcase name="{name}">{text}</testcase>' for (name, _), text in zip(cases, texts, strict=True)]
+    (tmp_path / "report.xml").write_text(f"<testsuite>{''.join(lines)}</testsuite>")
+    assert packaged.ended_alone(tmp_path / "report.xml") is again
+    assert not packaged.ended_alone(tmp_path / "none.xml")
