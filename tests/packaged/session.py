@@ -10,111 +10,48 @@ is written anew after every step, so that a crash shows what came before it. How
 from __future__ import annotations
 
 import importlib
-import json
 import os
 import re
 import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
-ARGUMENTS = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-JOB: dict[str, Any] = json.loads(Path(ARGUMENTS[0]).read_text())
 sys.dont_write_bytecode = True
-sys.path[:0] = [str(Path(__file__).parent), JOB["packaging"]]
+sys.path.insert(0, str(Path(__file__).parent))
+# Before bpy: it says how its libraries are loaded.
+from process import (
+    FOLDER,
+    IMAGES,
+    JOB,
+    Skipped,
+    State,
+    check,
+    cycles_changed,
+    difference,
+    enable,
+    has_engine,
+    install_file,
+    module_name,
+    native,
+    one_picture,
+    render,
+    render_scene,
+)
 
-if JOB["as_program"]:
-    # The official program has its libraries in the global scope, the module keeps them to itself.
-    sys.setdlopenflags(os.RTLD_NOW | os.RTLD_GLOBAL)
+# isort: split
 import bpy
-
-sys.setdlopenflags(os.RTLD_NOW)
+import exchanges
 import numpy as np
 import without_blender
 
 import scenes
 
+sys.path.insert(0, JOB["packaging"])
+
 IN_TURN = 20
 SYSTEM = r"lib(c|m|stdc\+\+|gcc_s)\.so|ld-linux"
-EXTENSION = "bl_ext.user_default.talbot"
-FOLDER = Path(JOB["folder"])
-IMAGES = FOLDER / "images"
-Picture = np.ndarray
-
-
-class Skipped(Exception):
-    """Cannot be tried here; the text says why."""
-
-
-class State:
-    """What later steps compare with."""
-
-    before: dict[int, Picture] = {}
-    cycles: dict[int, Picture] = {}
-
-
-def check(holds: bool, text: str) -> None:
-    if not holds:
-        raise AssertionError(text)
-
-
-def render(index: int, engine: str, **settings: object) -> Picture:
-    scene = scenes.build(index, IMAGES)
-    try:
-        scene.render.engine = engine
-    except TypeError:
-        raise AssertionError(f"there is no engine {engine}") from None
-    for name, value in settings.items():
-        setattr(scene.cycles, name, value)
-    return render_scene(scene)
-
-
-def render_scene(scene: bpy.types.Scene) -> Picture:
-    path = FOLDER / "rendered.exr"
-    path.unlink(missing_ok=True)
-    if hasattr(scene.render.image_settings, "media_type"):
-        scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.image_settings.color_depth = "32"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    check(bool(np.isfinite(pixels).all()) and float(pixels[:3].max()) >= 0, "the picture is not of numbers")
-    return pixels
-
-
-def difference(a: Picture, b: Picture) -> float:
-    """Largest, beside the picture's mean."""
-    check(a.shape == b.shape, "the pictures differ in size")
-    return float(np.abs(a - b).max() / max(float(np.abs(b).mean()), 1e-6))
-
-
-def cycles_changed(index: int) -> float:
-    """How Cycles' picture differs from the one before Talbot came."""
-    return difference(render(index, "CYCLES"), State.cycles[index])
-
-
-def module_name() -> str:
-    return EXTENSION if JOB["kind"] == "extension" else "talbot"
-
-
-def has_engine() -> bool:
-    engines = bpy.types.RenderEngine.__subclasses__()
-    return any(getattr(engine, "bl_idname", "") == "TALBOT" and engine.is_registered for engine in engines)
-
-
-def install_file(path: str) -> None:
-    """By Blender's own commands."""
-    if JOB["kind"] == "extension":
-        bpy.ops.extensions.package_install_files(filepath=path, repo="user_default", enable_on_install=True)
-    else:
-        bpy.ops.preferences.addon_install(filepath=path, overwrite=True)
-        bpy.ops.preferences.addon_enable(module="talbot")
 
 
 def cycles_alone() -> None:
@@ -148,21 +85,6 @@ def install() -> None:
         install_file(JOB["zip"])
     check(has_engine(), "the engine is not registered")
     check(native().problem() == "", native().problem())
-
-
-def native() -> Any:
-    return importlib.import_module(f"{module_name()}.native")
-
-
-def enable() -> None:
-    """In a process that finds the add-on installed."""
-    if JOB["kind"] == "extension":
-        import addon_utils
-
-        check(addon_utils.enable(EXTENSION, default_set=True) is not None, "the extension cannot be enabled")
-    else:
-        bpy.ops.preferences.addon_enable(module="talbot")
-    check(has_engine() and native().problem() == "", native().problem())
 
 
 def pictures() -> None:
@@ -263,129 +185,6 @@ def disable_and_enable() -> None:
     check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
 
 
-def upgrade() -> None:
-    """While the old native module is loaded: the new files come, and Blender goes on."""
-    install_file(JOB["upgrade"])
-    check(installed_version() == JOB["next_version"], f"installed is {installed_version()}")
-    check(has_engine(), "the engine is gone")
-    check(cycles_changed(0) == 0, "Cycles' own picture changed")
-
-
-def skew() -> None:
-    """New Python files and the old native module: one sentence, and nothing is rendered."""
-    check(sys.modules[module_name()].VERSION == JOB["next_version"], "the new Python files are not in use")
-    problem = native().problem()
-    check("restart Blender" in problem, f"not told to restart: {problem!r}")
-    refuses_to_render("restart Blender")
-
-
-def refuses_to_render(words: str) -> None:
-    scene = scenes.build(0, IMAGES)
-    scene.render.engine = "TALBOT"
-    try:
-        bpy.ops.render.render()
-    except RuntimeError as error:
-        check(words in str(error), str(error))
-    else:
-        raise AssertionError("rendered without a native module that fits")
-
-
-def installed_version() -> str:
-    """What the files say that are there now."""
-    source = (user_folder() / "__init__.py").read_text()
-    found = re.search(r'"version": \(([\d, ]+)\)', source)
-    check(found is not None, "no version in the installed file")
-    return found[1].replace(", ", ".")
-
-
-def user_folder() -> Path:
-    """Where Blender has put the add-on."""
-    return Path(importlib.import_module(module_name()).__file__).parent
-
-
-def other_systems() -> None:
-    """The package of another Python and of another system: Blender's sentence or ours, and no wrong engine."""
-    for name in ("of_another_python", "of_another_system"):
-        said = ""
-        try:
-            install_file(JOB[name])
-        except RuntimeError as error:
-            said = str(error)
-        if has_engine():
-            said = native().problem()
-            refuses_to_render(said)
-        words = "isn't compatible with" if name == "of_another_python" else "is not for this Blender's Python"
-        check(words in said and len(said.strip().splitlines()) == 1, f"{name}: {said!r}")
-        uninstall()
-
-
-def read_only() -> None:
-    """Into a folder that cannot be written nothing new comes, in words, and what is there works. Blender turns an
-    extension off before it looks whether it may replace it."""
-    before = installed_files()
-    said = ""
-    try:
-        install_file(JOB["upgrade"])
-    except RuntimeError as error:
-        said = str(error)
-    check("ermission denied" in said, f"said is {said!r}")
-    check(installed_files() == before, "the installed files changed")
-    enable()
-    one_picture()
-
-
-def installed_files() -> dict[str, int]:
-    user = Path(os.environ["BLENDER_USER_RESOURCES"])
-    return {str(path): path.stat().st_size for path in user.rglob("*") if path.is_file() and "config" not in path.parts}
-
-
-def second_copy() -> None:
-    """A legacy add-on beside the extension: refused in words, and the first goes on."""
-    if JOB["kind"] != "extension":
-        raise Skipped("there are no extensions")
-    bpy.ops.preferences.addon_install(filepath=JOB["legacy"], overwrite=True)
-    bpy.ops.preferences.addon_enable(module="talbot")
-    check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
-    bpy.ops.preferences.addon_disable(module="talbot")
-    check(has_engine(), "disabling the second copy took the first along")
-    remove_legacy()
-    check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
-
-
-def one_picture() -> None:
-    """The first scene, as the process before rendered it."""
-    stored = np.load(FOLDER / f"{JOB['host']}.npz")
-    found = difference(render(0, "TALBOT"), stored["0"])
-    check(found <= JOB["tolerance"], f"it differs from the system build's by {found:.3g} of its mean")
-
-
-def downgrade() -> None:
-    """Back to the version whose native module is loaded; the next process finds it."""
-    install_file(JOB["zip"])
-    check(native().problem() == "", native().problem())
-    check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
-
-
-def remove_legacy() -> None:
-    try:
-        bpy.ops.preferences.addon_remove(module="talbot")
-    except RuntimeError as error:
-        # Without a window it fails after its work is done.
-        check("tag_redraw" in str(error), str(error))
-
-
-def uninstall() -> None:
-    if JOB["kind"] == "extension":
-        repos = list(bpy.context.preferences.extensions.repos)
-        index = next(index for index, repo in enumerate(repos) if repo.module == "user_default")
-        bpy.ops.extensions.package_uninstall(repo_directory=repos[index].directory, repo_index=index, pkg_id="talbot")
-    else:
-        remove_legacy()
-    check(not has_engine(), "the engine is still there")
-    left = [path for path in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("_talbot*")]
-    check(left == [], f"left behind: {left}")
-
-
 def write_report(results: list[tuple[str, str, str]]) -> None:
     """JUnit: name, what happened ("", "failed" or "skipped") and the text."""
     suite = ElementTree.Element("testsuite", name=JOB["title"])
@@ -415,14 +214,14 @@ def main() -> None:
             denoise,
             threads,
             disable_and_enable,
-            second_copy,
-            upgrade,
-            skew,
-            other_systems,
-            read_only,
-            downgrade,
+            exchanges.second_copy,
+            exchanges.upgrade,
+            exchanges.skew,
+            exchanges.other_systems,
+            exchanges.read_only,
+            exchanges.downgrade,
             one_picture,
-            uninstall,
+            exchanges.uninstall,
         )
     }
     scenes.write_images(IMAGES)

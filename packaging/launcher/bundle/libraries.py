@@ -191,7 +191,7 @@ def build_all() -> Path:
             if not (done / part.name).exists() or (done / part.name).read_text() != wanted[part.name]
         ]
         if missing:
-            say(f"Building {len(missing)} libraries for the bundle, once (about 40 minutes on two cores)")
+            say(f"Building {len(missing)} libraries for the bundle, once (about 10 minutes on two cores)")
         for part in missing:
             say(f"  {part.name}")
             (done / part.name).unlink(missing_ok=True)
