@@ -295,6 +295,14 @@ def test_another_recipe_rebuilds_what_needs_it(monkeypatch: pytest.MonkeyPatch) 
     }
 
 
+def test_ccache_changes_no_recipe(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_and_without = []
+    for answer in ("/usr/bin/ccache", None):
+        monkeypatch.setattr(libraries.shutil, "which", lambda name, answer=answer: answer)
+        with_and_without.append(libraries.recipes())
+    assert with_and_without[0] == with_and_without[1]
+
+
 def test_parts_are_in_the_order_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: set[str] = set()
     for part in PARTS:
