@@ -135,11 +135,10 @@ class ShaderSync:
         }
         method = cycles.get_enum("displacement_method", ("BUMP", "DISPLACEMENT", "BOTH"), "")
         method = method or getattr(material, "displacement_method", "BUMP")
+        values["displacement"] = method.lower()
         graph = self._tree_graph(material, owner, key)
         if graph is None:
             graph = material_graph(material)
-        elif method != "BUMP" and _has_input(graph, "Displacement"):
-            self.context.warn(f"{owner}: true displacement is not supported yet; the height only bends normals")
         return self._send(key, owner, graph, values)
 
     def world(self, world: Any) -> int:
@@ -195,8 +194,3 @@ class ShaderSync:
         self._signatures[key] = signature
         self._fresh.add(key)
         return handle
-
-
-def _has_input(graph: dict[str, Any], identifier: str) -> bool:
-    output = graph["nodes"][graph["output_node"]]
-    return any(item[0] == identifier and item[4] >= 0 for item in output["inputs"])

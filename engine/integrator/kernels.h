@@ -9,6 +9,7 @@
 
 #include "film/film.h"
 #include "geometry/accelerator.h"
+#include "geometry/displace.h"
 #include "integrator/state.h"
 #include "light/emitters.h"
 #include "shader/program.h"
@@ -70,6 +71,7 @@ struct KernelTable {
     bool (*render_unit)(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) = nullptr;
     /// For shader::TraceFunction; `user` is the Accelerator.
     void (*trace_for_nodes)(void* user, shader::TraceRequest& request) = nullptr;
+    geometry::RunProgram run_program = nullptr;
 };
 
 /// Throws Error for a set that is not compiled in.

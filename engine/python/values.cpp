@@ -16,6 +16,7 @@ constexpr const char* kPanoramaTypes[] = {"equirectangular",   "equiangular_cube
 constexpr const char* kLightTypes[] = {"point", "spot", "sun", "area"};
 constexpr const char* kAreaShapes[] = {"square", "rectangle", "disk", "ellipse"};
 constexpr const char* kAlphaModes[] = {"straight", "premultiplied", "channel_packed", "none"};
+constexpr const char* kDisplacementMethods[] = {"bump", "displacement", "both"};
 /// In the order of PassKind.
 constexpr const char* kPasses[] = {"combined",
                                    "depth",
@@ -208,6 +209,7 @@ Shader read_shader(const py::dict& values) {
     f("emission_back", s.emission_back);
     f("use_transparent_shadow", s.use_transparent_shadow);
     f("use_bump_map_correction", s.use_bump_map_correction);
+    f("displacement", s.displacement, kDisplacementMethods);
     f.finish();
     return s;
 }

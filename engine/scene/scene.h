@@ -102,6 +102,9 @@ struct Object {
 /// Versions whose answers differ are numbers like Blender's: 304, 402, 405, 500, 502.
 using BlenderVersion = int;
 
+/// What a material's displacement does: bend normals, move the vertices, or move them and bend normals by what is finer than the mesh.
+enum class DisplacementMethod : uint8_t { Bump, Displacement, Both };
+
 /// A material's, world's or lamp's surface shader.
 struct Shader {
     std::string name;
@@ -112,6 +115,7 @@ struct Shader {
     bool emission_back = true;
     bool use_transparent_shadow = true;
     bool use_bump_map_correction = true;
+    DisplacementMethod displacement = DisplacementMethod::Bump;
 };
 
 enum class LightType : uint8_t { Point, Spot, Sun, Area };

@@ -21,7 +21,11 @@ void view_attributes(const std::vector<Attribute>& from, const std::vector<std::
         if (mesh && asked == kActiveColor) name = mesh->active_color;
         if (mesh && asked == kActiveTangent) name = "@tangent:" + mesh->active_uv;
         const auto found = std::find_if(from.begin(), from.end(), [&](const Attribute& a) { return a.name == name; });
-        if (found == from.end() || found->data.empty()) continue;
+        if (found == from.end() || found->data.empty()) {
+            // What was not displaced is where it was.
+            if (mesh && asked == kUndisplaced && !mesh->positions.empty()) out[id] = {&mesh->positions.front().x, Domain::Vertex, 3, false};
+            continue;
+        }
         out[id] = {found->data.data(), found->domain, found->components, found->is_color};
     }
 }
@@ -44,6 +48,37 @@ AttributeId SceneTables::attribute_id(const std::string& name) {
     return AttributeId(attribute_names.size() - 1);
 }
 
+MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* attributes) {
+    view_attributes(mesh.attributes, tables.attribute_names, &mesh, attributes);
+    MeshView out;
+    out.positions = data_or_null(mesh.positions);
+    out.triangle_vertices = data_or_null(mesh.triangle_vertices);
+    out.triangle_corners = data_or_null(mesh.triangle_corners);
+    out.triangle_faces = data_or_null(mesh.triangle_faces);
+    out.triangle_materials = data_or_null(mesh.triangle_materials);
+    out.triangle_smooth = data_or_null(mesh.triangle_smooth);
+    out.vertex_normals = data_or_null(mesh.vertex_normals);
+    out.corner_normals = data_or_null(mesh.corner_normals);
+    out.attributes = attributes;
+    out.generated_offset = mesh.generated_offset;
+    out.generated_scale = mesh.generated_scale;
+    out.triangle_count = uint32_t(mesh.triangle_count());
+    out.primitive_count = uint32_t(mesh.primitive_count());
+    out.motion_steps = mesh.motion_steps;
+    out.motion_positions = data_or_null(mesh.motion_positions);
+    out.motion_normals = data_or_null(mesh.motion_normals);
+    out.position_count = uint32_t(mesh.positions.size());
+    out.normal_count = uint32_t(mesh.corner_normals.empty() ? mesh.vertex_normals.size() : mesh.corner_normals.size());
+    out.kind = mesh.kind;
+    out.curve_shape = mesh.curve_shape;
+    out.ribbon_pieces = ribbon_pieces(mesh);
+    out.radii = data_or_null(mesh.radii);
+    out.curve_starts = data_or_null(mesh.curve_starts);
+    out.segment_keys = data_or_null(mesh.segment_keys);
+    out.segment_curves = data_or_null(mesh.segment_curves);
+    return out;
+}
+
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables) {
     const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
     tables.keep_alive = scene.meshes;
@@ -59,33 +94,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     for (size_t i = 0; i < meshes; ++i) {
         if (!scene.meshes[i]) continue;
         const Mesh& mesh = *scene.meshes[i];
-        view_attributes(mesh.attributes, tables.attribute_names, &mesh, row(i));
-        MeshView& out = tables.meshes[i];
-        out.positions = data_or_null(mesh.positions);
-        out.triangle_vertices = data_or_null(mesh.triangle_vertices);
-        out.triangle_corners = data_or_null(mesh.triangle_corners);
-        out.triangle_faces = data_or_null(mesh.triangle_faces);
-        out.triangle_materials = data_or_null(mesh.triangle_materials);
-        out.triangle_smooth = data_or_null(mesh.triangle_smooth);
-        out.vertex_normals = data_or_null(mesh.vertex_normals);
-        out.corner_normals = data_or_null(mesh.corner_normals);
-        out.attributes = row(i);
-        out.generated_offset = mesh.generated_offset;
-        out.generated_scale = mesh.generated_scale;
-        out.triangle_count = uint32_t(mesh.triangle_count());
-        out.primitive_count = uint32_t(mesh.primitive_count());
-        out.motion_steps = mesh.motion_steps;
-        out.motion_positions = data_or_null(mesh.motion_positions);
-        out.motion_normals = data_or_null(mesh.motion_normals);
-        out.position_count = uint32_t(mesh.positions.size());
-        out.normal_count = uint32_t(mesh.corner_normals.empty() ? mesh.vertex_normals.size() : mesh.corner_normals.size());
-        out.kind = mesh.kind;
-        out.curve_shape = mesh.curve_shape;
-        out.ribbon_pieces = ribbon_pieces(mesh);
-        out.radii = data_or_null(mesh.radii);
-        out.curve_starts = data_or_null(mesh.curve_starts);
-        out.segment_keys = data_or_null(mesh.segment_keys);
-        out.segment_curves = data_or_null(mesh.segment_curves);
+        tables.meshes[i] = view_mesh(mesh, tables, row(i));
         tables.view.has_strands |= mesh.kind != GeometryKind::Triangles;
         tables.view.has_motion |= mesh.motion_steps > 1;
     }

@@ -22,6 +22,8 @@ inline constexpr const char* kActiveTangent = "@tangent";
 inline constexpr const char* kRadius = "@radius";
 /// Positions of keys and points, object space.
 inline constexpr const char* kCenter = "@center";
+/// Vertices as they were before true displacement moved them, object space.
+inline constexpr const char* kUndisplaced = "@undisplaced";
 /// What the synchronisation stores under these names: a curve's way from its root at each key (0 to 1), a curve's length (object space), a number of
 /// 0 to 1 for each curve or point.
 inline constexpr const char* kIntercept = "@intercept";
@@ -118,6 +120,9 @@ struct SceneTables {
     std::vector<std::shared_ptr<const Mesh>> keep_alive;  ///< by mesh handle, like `meshes`; null where the mesh was removed
     AttributeId attribute_id(const std::string& name);    ///< interns
 };
+
+/// What kernels see of a mesh. `attributes`: a row of tables.attribute_names.size() entries, which this fills and the view points to.
+MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* attributes);
 
 /// `default_shader`: handle of the grey shader that stands for missing materials.
 /// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.

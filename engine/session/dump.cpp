@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 3;
+constexpr uint32_t kVersion = 4;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -31,6 +31,9 @@ constexpr int last_of(GeometryKind) {
 }
 constexpr int last_of(CurveShape) {
     return int(CurveShape::ThickLinear);
+}
+constexpr int last_of(DisplacementMethod) {
+    return int(DisplacementMethod::Both);
 }
 constexpr int last_of(LightType) {
     return int(LightType::Area);
@@ -113,6 +116,7 @@ void fields(A& a, Is<ShaderGraph> auto& s) {
 template <class A>
 void fields(A& a, Is<Shader> auto& s) {
     a(s.name, s.graph, s.pass_index, s.sample_as_light, s.emission_front, s.emission_back, s.use_transparent_shadow, s.use_bump_map_correction);
+    a.since(4, s.displacement);
 }
 template <class A>
 void fields(A& a, Is<Light> auto& s) {

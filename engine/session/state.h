@@ -27,6 +27,7 @@ struct RenderData {
     shader::Programs programs;
     shader::SkyCache skies;
     asset::TextureStore textures;
+    std::vector<geometry::DisplacedMesh> displaced;
     geometry::Accelerator accelerator;
     light::EmitterTablePtr emitters;
     shader::ShaderContext shading;

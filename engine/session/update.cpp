@@ -27,6 +27,10 @@ bool is_opaque(const shader::CompiledShader& shader) {
     return shader.transparency_is_constant ? t.x == 0 && t.y == 0 && t.z == 0 : shader.transparency < 0;
 }
 
+bool reads_camera(const shader::CompiledShader& shader) {
+    return shader.displacement_reads_camera;
+}
+
 /// Objects that may let shadow rays through answer to another mask bit than opaque ones: most shadow rays never meet them.
 void mark_transparent_casters(RenderData& data) {
     data.has_transparent_shadows = false;
@@ -129,7 +133,7 @@ void update_render_data(Session::State& s) {
     }
 
     const bool images = dirty & scene::kDirtyImages, shaders = (dirty & (scene::kDirtyShaders | scene::kDirtySettings)) || images;
-    const bool objects = dirty & (scene::kDirtyMeshes | scene::kDirtyObjects);
+    bool objects = dirty & (scene::kDirtyMeshes | scene::kDirtyObjects);
     if (images) timed("Loading images", &Statistics::textures_seconds, [&] { data.textures.update(scene, s.report, &s.cancel); });
     if (shaders) {
         timed("Compiling shaders", &Statistics::compile_seconds, [&] {
@@ -138,6 +142,7 @@ void update_render_data(Session::State& s) {
         });
     }
     if (dirty & scene::kDirtyPasses) data.tables.attribute_id(scene::kActiveUv);
+    if (dirty & scene::kDirtyCamera) objects |= std::any_of(data.programs.shaders.begin(), data.programs.shaders.end(), reads_camera);
     if (shaders || objects || (dirty & scene::kDirtyPasses)) {
         timed("Updating objects", &Statistics::update_seconds, [&] {
             scene::make_scene_view(scene, data.programs.default_shader, data.tables);
@@ -155,6 +160,12 @@ void update_render_data(Session::State& s) {
     data.shading.film_width = float(scene.settings.width);
     data.shading.film_height = float(scene.settings.height);
     make_workers(s);
+    if (shaders || objects || (dirty & scene::kDirtyPasses)) {
+        timed("Displacing", &Statistics::update_seconds, [&] {
+            geometry::displace_meshes(data.tables, data.programs, data.shading, integrator::kernels_for(s.statistics.instruction_set).run_program, *data.pool,
+                                      data.displaced, s.report, &s.cancel);
+        });
+    }
     if (shaders || objects) {
         const size_t estimate = geometry::estimate_bytes(data.tables);
         {

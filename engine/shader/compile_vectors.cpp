@@ -169,8 +169,12 @@ void compile_vector_displacement(NodeContext& n) {
     if (space == 0) {
         // x along the tangent, y along the normal, z along the bitangent.
         const auto a = n.attribute(tangent_name(n));
+        // Without tangents: along the triangle's edge.
+        const Value has_tangent = e.dot({a[0], a[1], a[2]}, {a[0], a[1], a[2]});
+        const Value3 edge = n.to_object(e.triple(e.emit(Op::CurveTangent, 1, std::span<const Value>{}, 3)), TransformKind::VectorToObject);
         const Value3 normal = e.normalize(n.to_object(n.shading_normal(), TransformKind::NormalToObject));
-        const Value3 t = e.normalize({a[0], a[1], a[2]}), b = e.mul(e.normalize(e.cross(normal, t)), a[3]);
+        const Value3 t = e.normalize(e.select(has_tangent, {a[0], a[1], a[2]}, edge));
+        const Value3 b = e.mul(e.normalize(e.cross(normal, t)), e.select(has_tangent, a[3], e.literal(1)));
         v = e.add(e.add(e.mul(t, v.x), e.mul(normal, v.y)), e.mul(b, v.z));
     }
     n.set_vector("Displacement", n.to_object(v, TransformKind::VectorToWorld));
@@ -201,7 +205,7 @@ Value3 bend_normal(NodeContext& n, const BumpRequest& request) {
     const Value3 dx = e.mul(e.triple(basis), footprint), dy = e.mul(e.triple(e.after(basis, 3)), footprint);
     const auto height_at = [&](Value3 offset) {
         const Value uv = e.emit(Op::ShiftBarycentrics, 0, {offset.x, offset.y, offset.z}, 2);
-        NodeContext shifted(n.graph(), n.index, n.graph().add_shift({offset, uv, e.after(uv, 1)}));
+        NodeContext shifted(n.graph(), n.index, n.graph().add_shift({offset, uv, e.after(uv, 1), {}}));
         return request.height(shifted);
     };
     const Value h = request.height(n), hx = height_at(e.mul(dx, request.width)), hy = height_at(e.mul(dy, request.width));
@@ -209,6 +213,47 @@ Value3 bend_normal(NodeContext& n, const BumpRequest& request) {
     return e.triple(e.emit(
         Op::Bump, 0,
         std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, request.strength, request.distance, request.width}, 3));
+}
+
+Value3 bend_undisplaced_normal(NodeContext& n, Value width) {
+    // All in object space, where displacement left the undisplaced positions and normals.
+    Expressions& e = n.e;
+    n.graph().values.has_bump = true;
+    const Value3 p = e.input3(InputColumn::PositionX), g = n.geometric_normal();
+    const Value distance = e.length(p);
+    const Value footprint = e.max(e.input(InputColumn::Footprint), e.div(e.add(e.mul(distance, 1e-5f), 1e-7f), width));
+    const Value basis = e.emit(Op::Vector, uint8_t(VectorKind::Basis), {g.x, g.y, g.z}, 6);
+    const Value3 x = e.triple(basis), y = e.triple(e.after(basis, 3));
+    const auto barycentrics = [&](Value3 offset) { return e.emit(Op::ShiftBarycentrics, 0, {offset.x, offset.y, offset.z}, 2); };
+    const auto undisplaced = [&](Value u, Value v) {
+        return e.triple(e.emit(Op::Attribute, uint8_t(AttributeSource::Geometry), {u, v}, 4, uint32_t(n.graph().tables.attribute_id(scene::kUndisplaced))));
+    };
+    // How the undisplaced point follows the displaced one is the same all over the triangle's plane: taken over a way so long that rounding is small.
+    const Value3 here = undisplaced(e.input(InputColumn::BarycentricU), e.input(InputColumn::BarycentricV));
+    const Value reach = e.add(distance, footprint);
+    const auto follow = [&](Value3 direction) {
+        const Value uv = barycentrics(e.mul(direction, reach));
+        const Value3 way = e.sub(undisplaced(uv, e.after(uv, 1)), here);
+        return e.mul(way, e.div(footprint, reach));
+    };
+    const Value3 dx = follow(x), dy = follow(y);
+
+    const auto field = [&](ObjectField f) { return e.emit(Op::ObjectValue, uint8_t(f), std::span<const Value>{}); };
+    const Value3 face = e.normalize(e.cross(dx, dy));
+    const Value3 flat = e.select(field(ObjectField::NegativeScale), e.negate(face), face);
+    const Value3 smooth = e.normalize(n.to_object(e.input3(InputColumn::NormalX), TransformKind::NormalToObject));
+    const Value3 normal = e.select(field(ObjectField::Smooth), smooth, flat);
+    const Value3 world_normal = e.normalize(n.to_object(normal, TransformKind::NormalToWorld));
+    const auto height_at = [&](Value3 offset) {
+        const Value uv = barycentrics(offset);
+        NodeContext shifted(n.graph(), n.index, n.graph().add_shift({offset, uv, e.after(uv, 1), world_normal}));
+        return e.dot(n.to_object(shifted.vector("Displacement"), TransformKind::VectorToObject), normal);
+    };
+    const Value way = e.mul(footprint, width), zero = e.literal(0), one = e.literal(1);
+    const Value h = height_at({zero, zero, zero}), hx = height_at(e.mul(x, way)), hy = height_at(e.mul(y, way));
+    const Value3 bent =
+        e.triple(e.emit(Op::Bump, 0, std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, one, one, width}, 3));
+    return e.normalize(n.to_object(bent, TransformKind::NormalToWorld));
 }
 
 std::span<const CatalogueEntry> vector_nodes() {

@@ -179,19 +179,25 @@ void GraphCompiler::mix_shaders(int root) {
     }
 }
 
-void GraphCompiler::bend_by_displacement(const scene::Node& output) {
+void GraphCompiler::displace(const scene::Node& output) {
     const scene::NodeInput* displacement = find_input(output, "Displacement");
     if (!displacement || !is_value_link(*displacement)) return;
-    // Its height along the normal bends the normal that all nodes then see. Evaluated as a shift by nothing, so that nodes which
-    // are shared with the surface are not remembered with the plain normal.
+    // Evaluated as a shift by nothing, so that nodes which are shared with the surface are not remembered with the plain normal.
     const Value zero = e.literal(0);
-    const int here = add_shift({{zero, zero, zero}, e.input(InputColumn::BarycentricU), e.input(InputColumn::BarycentricV)});
+    const int here = add_shift({{zero, zero, zero}, e.input(InputColumn::BarycentricU), e.input(InputColumn::BarycentricV), {}});
     NodeContext context(*this, int(&output - shader.graph.nodes.data()), here);
+    const Value width = e.literal(semantics.displacement_width);
+    if (shader.displacement != scene::DisplacementMethod::Bump) {
+        values.displacement = context.vector("Displacement");
+        if (shader.displacement == scene::DisplacementMethod::Both) values.normal = bend_undisplaced_normal(context, width);
+        return;
+    }
+    // The height along the normal bends the normal that all nodes then see.
     BumpRequest request;
     request.normal = context.shading_normal();
     request.height = [this, &request](NodeContext& at) { return e.dot(at.vector("Displacement"), request.normal); };
     request.strength = request.distance = e.literal(1);
-    request.width = e.literal(semantics.displacement_width);
+    request.width = width;
     values.normal = bend_normal(context, request);
 }
 
@@ -203,7 +209,7 @@ ShaderValues GraphCompiler::compile() {
     const scene::NodeInput* volume = find_input(output, "Volume");
     const bool has_volume = volume && volume->from_node >= 0;
     if (has_volume) warn(output, "Volume shaders are not supported yet: the volume is left out");
-    bend_by_displacement(output);
+    displace(output);
     if (surface && surface->from_node >= 0) {
         const int root = shader_source(surface);
         if (root >= 0) {

@@ -31,14 +31,17 @@ struct ShaderValues {
     Value3 emission;      ///< not valid: none
     Value3 transparency;  ///< not valid: opaque
     Value3 normal;        ///< bent by displacement; not valid: the span's own
+    Value3 displacement;  ///< world-space offset of vertices; not valid: they stay
     bool has_bump = false;
     SunDisc sun;
 };
 
-/// Coordinates of one shifted evaluation (Bump): world offset and the barycentrics there.
+/// Coordinates of one shifted evaluation (Bump): world offset and the barycentrics there. With a `normal` (world space) the point is the one that true
+/// displacement has moved away, and that is its normal.
 struct Shift {
     Value3 offset;
     Value u, v;
+    Value3 normal;
 };
 
 /// The normal bent by a height over the surface, as the Bump node does it.
@@ -48,6 +51,8 @@ struct BumpRequest {
     Value strength, distance, width;  ///< width: of the finite difference, in footprints
 };
 Value3 bend_normal(NodeContext& node, const BumpRequest& request);  ///< compile_vectors.cpp
+/// The undisplaced surface's normal bent by the displacement (the output node's), whose vertices it moves as well: what the mesh is too coarse for.
+Value3 bend_undisplaced_normal(NodeContext& output, Value width);
 
 class GraphCompiler {
 public:
@@ -77,7 +82,7 @@ public:
 
 private:
     void run_node(int node, int shift);
-    void bend_by_displacement(const scene::Node& output);
+    void displace(const scene::Node& output);
     void mix_shaders(int root);
     void visit_shader(int node, std::set<int>& done, std::set<int>& active, std::vector<int>& order, int depth);
     void add_weight(int node, Value3 weight);

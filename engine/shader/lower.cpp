@@ -50,6 +50,7 @@ private:
         need(outputs.emission);
         need(outputs.transparency);
         need(outputs.normal);
+        need(outputs.displacement);
         for (size_t i = e_.size(); i-- > 0;) {
             if (!needed_[i]) continue;
             for (int32_t in : e_.expression(i).inputs) needed_[size_t(e_.owner(Value{in}))] = true;
@@ -82,6 +83,7 @@ private:
         pin_triple(outputs.emission);
         pin_triple(outputs.transparency);
         pin_triple(outputs.normal);
+        pin_triple(outputs.displacement);
         // Parameters are edited in place (filter glossy), so one register serves only one kind of parameter.
         if (!outputs.slots) return;
         std::map<int32_t, std::pair<int, size_t>> owner;
@@ -194,6 +196,7 @@ private:
         if (outputs.emission.valid()) program_.emission = triples_.at(ids(outputs.emission));
         if (outputs.transparency.valid()) program_.transparency = triples_.at(ids(outputs.transparency));
         if (outputs.normal.valid()) program_.normal = triples_.at(ids(outputs.normal));
+        if (outputs.displacement.valid()) program_.displacement = triples_.at(ids(outputs.displacement));
         program_.register_count = registers_;
     }
 
@@ -236,6 +239,7 @@ std::string fingerprint(const Program& program) {
     }
     put(uint32_t(program.emission) | uint32_t(program.transparency) << 16);
     put(uint32_t(program.normal) | uint32_t(program.register_count) << 16);
+    put(program.displacement);
     return bytes;
 }
 

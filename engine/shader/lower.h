@@ -9,7 +9,7 @@ namespace talbot::shader {
 /// Which outputs a program is for.
 struct ProgramOutputs {
     const std::vector<SlotValues>* slots = nullptr;
-    Value3 emission, transparency, normal;
+    Value3 emission, transparency, normal, displacement;
 };
 
 /// The constants of one shader, in the order in which its programs first use them.

@@ -187,8 +187,13 @@ void NodeContext::holdout(Value3 weight) {
 }
 
 Value3 NodeContext::position() {
+    const Shift& at = graph_.shift(shift);
+    if (at.normal.valid()) {
+        const auto p = attribute(scene::kUndisplaced);
+        return to_object({p[0], p[1], p[2]}, TransformKind::PointToWorld);
+    }
     const Value3 p = e.input3(InputColumn::PositionX);
-    return shift == 0 ? p : e.add(p, graph_.shift(shift).offset);
+    return shift == 0 ? p : e.add(p, at.offset);
 }
 
 Value NodeContext::barycentric_u() {
@@ -199,6 +204,8 @@ Value NodeContext::barycentric_v() {
 }
 
 Value3 NodeContext::shading_normal() {
+    const Shift& at = graph_.shift(shift);
+    if (at.normal.valid()) return at.normal;
     const bool bent = shift == 0 && graph_.values.normal.valid();
     return bent ? graph_.values.normal : e.input3(InputColumn::NormalX);
 }

@@ -36,6 +36,7 @@ struct Program {
     uint16_t transparency = 0xffff;  ///< first of 3 registers: sum of the transparent closures' weights, in transparency programs (shadow rays); kNoRegister:
                                      ///< opaque, or another kind of program
     uint16_t normal = 0xffff;        ///< first of 3 registers: the surface's normal where displacement bends it; kNoRegister: the span's
+    uint16_t displacement = 0xffff;  ///< first of 3 registers: world-space offset, in displacement programs
     int register_count = 0;
     std::string name;  ///< of the first material that uses it, for reports
 };
@@ -47,11 +48,12 @@ struct SunDisc {
     float half_angle = 0;  ///< radians; 0: none
 };
 
-/// What a shader becomes: up to three programs that share nothing but constants, each holding only what its outputs need.
+/// What a shader becomes: up to four programs that share nothing but constants, each holding only what its outputs need.
 struct CompiledShader {
     int surface = -1;       ///< index into Programs::programs: all closures
     int emission = -1;      ///< emission only; also the background's and the lamp's program; -1: none
     int transparency = -1;  ///< transparency only (shadow rays); -1: opaque
+    int displacement = -1;  ///< how far vertices move (run at each of them before rendering); -1: they stay
     int32_t constants = 0;  ///< offset of this shader's constants
     bool emission_is_constant = false;
     Rgb constant_emission;        ///< when constant (already times strength)
@@ -61,6 +63,8 @@ struct CompiledShader {
     bool depends_on_ray_flags = false;  ///< Light Path, Is Camera Ray ...: shadow and light evaluation differ from camera rays
     bool spatially_varying = false;
     bool has_bump = false;
+    bool displacement_reads_camera = false;
+    scene::DisplacementMethod displacement_method = scene::DisplacementMethod::Bump;
     SunDisc sun;
     int32_t pass_index = 0;
     bool sample_as_light = true, emission_front = true, emission_back = true;

@@ -7,7 +7,7 @@ void trace_for_nodes(void* user, shader::TraceRequest& request);
 bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile);
 
 const KernelTable& kernel_table() {
-    static constexpr KernelTable table{TALBOT_ISA_NAME, &render_unit, &trace_for_nodes};
+    static constexpr KernelTable table{TALBOT_ISA_NAME, &render_unit, &trace_for_nodes, &shader::run_program};
     return table;
 }
 

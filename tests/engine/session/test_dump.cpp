@@ -124,6 +124,7 @@ Scene make_scene() {
     shader.graph.nodes = {node, node};
     shader.pass_index = 4;
     shader.sample_as_light = shader.emission_front = shader.emission_back = shader.use_transparent_shadow = shader.use_bump_map_correction = false;
+    shader.displacement = DisplacementMethod::Both;
     scene.shaders = {shader};
 
     Image image;
@@ -203,6 +204,7 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(std::get<std::vector<float>>(loaded.shaders[0].graph.nodes[1].properties.at("ramp")).size(), 3u);
     EXPECT_EQ(loaded.shaders[0].graph.nodes[0].inputs[1].from_output, "Normal");
     EXPECT_FALSE(loaded.shaders[0].use_bump_map_correction);
+    EXPECT_EQ(loaded.shaders[0].displacement, DisplacementMethod::Both);
     EXPECT_EQ(loaded.images[0]->tiles, scene.images[0]->tiles);
     EXPECT_EQ(loaded.camera.cylinder[4], 2);
     EXPECT_EQ(loaded.settings.version, 304);
