@@ -15,6 +15,7 @@ from .. import settings as talbot_settings
 from .camera import camera_values, viewport_border, viewport_values
 from .changes import Changes, Key, read_changes
 from .context import ACTIVE_UV, SyncContext
+from .culling import Culling, culling_of
 from .images import ImageSync
 from .materials import ShaderSync
 from .mesh import read_mesh
@@ -199,7 +200,7 @@ class SceneSync:
         context = self.context
         changed = False
         with context.timed("objects"):
-            gathered = ObjectPass(context, self.shaders, depsgraph, view_layer).run()
+            gathered = ObjectPass(context, self.shaders, depsgraph, view_layer, self._culling(depsgraph, scene)).run()
         with context.timed("world"):
             changed |= self._send_world(world_values(context, self.shaders, scene, view_layer))
         if gathered.lights != self._lights:
@@ -221,6 +222,13 @@ class SceneSync:
         self.shaders.sweep()
         self._gathered = (gathered, handles)
         return changed or self.shaders.sent
+
+    def _culling(self, depsgraph: Any, scene: Any) -> Culling | None:
+        if self.context.viewport or scene.camera is None or not scene.render.use_simplify:
+            return None
+        camera, size = scene.camera.evaluated_get(depsgraph), (self._settings["width"], self._settings["height"])
+        silent = SyncContext(None)
+        return culling_of(scene, camera_values(silent, camera, scene.render, *size, camera.matrix_world))
 
     def _send_meshes(
         self, records: list[Record], stale: set[Key], stale_all: bool, scene: Any

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .. import versions
 from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext
+from .culling import Culling
 from .hashes import mixed_keys, name_key
 from .lights import light_values
 from .materials import ShaderSync
@@ -80,8 +81,11 @@ class Gathered:
 class ObjectPass:
     """One pass over the instances of a depsgraph."""
 
-    def __init__(self, context: SyncContext, shaders: ShaderSync, depsgraph: Any, view_layer: Any) -> None:
+    def __init__(
+        self, context: SyncContext, shaders: ShaderSync, depsgraph: Any, view_layer: Any, culling: Culling | None = None
+    ) -> None:
         self.context = context
+        self.culling = culling
         self.shaders = shaders
         self.depsgraph = depsgraph
         self.view_layer = view_layer
@@ -136,6 +140,8 @@ class ObjectPass:
             for strand in strands:
                 rows.append(row)
                 which.append(strand)
+        if self.culling is not None:
+            self._cull(self.culling)
         real = ~out.is_instance
         out.random[real] = mixed_keys(out.random[real])
         # Only now all shaders are known.
@@ -148,6 +154,19 @@ class ObjectPass:
         if PARTICLE in wanted and any(dupli):
             self._read_particles(instances)
         return out
+
+    def _cull(self, culling: Culling) -> None:
+        """Forgets rows that are left out, and records without a row."""
+        out = self.out
+        which = np.array(out.which, dtype=np.int64)
+        rules = np.array([culling.rules(record.holders[-1]) for record in out.records], np.bool_).reshape(-1, 2)
+        boxes = np.array([record.holders[-1].bound_box for record in out.records], np.float32).reshape(-1, 8, 3)
+        matrices = out.matrices[np.array(out.rows, dtype=np.int64)]
+        shown = ~culling.hidden(boxes[which], matrices, *rules[which].T)
+        used, which = np.unique(which[shown], return_inverse=True)
+        out.rows = [row for row, is_shown in zip(out.rows, shown.tolist(), strict=True) if is_shown]
+        out.which = which.reshape(-1).tolist()
+        out.records = [out.records[index] for index in used.tolist()]
 
     def _read_particles(self, instances: Any) -> None:
         """Instances one by one: Blender has no bulk call that tells their particles."""

@@ -26,8 +26,9 @@ def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
     adaptive = experimental and cycles.get("use_adaptive_subdivision", False)
     if adaptive or any(getattr(m, "use_adaptive_subdivision", False) for m in obj.modifiers if m.type == "SUBSURF"):
         context.warn(f"{where}: adaptive subdivision is not supported yet; the modifier's levels are used")
-    if scene.render.use_simplify and (cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)):
-        context.warn(f"{where}: culling is not supported yet; it is rendered wherever it is")
+    culled = cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)
+    if context.viewport and scene.render.use_simplify and culled:
+        context.warn(f"{where}: culling is left to final renders; the viewport shows it wherever it is")
 
 
 def warn_scene(context: SyncContext, scene: Any) -> None:
