@@ -1,0 +1,152 @@
+"""What moves while the shutter is open, in Cycles and in Talbot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+from pair_scenes import add_box, add_lamp, add_object, add_plane, diffuse, look_at, set_world
+from pairs import Bounds, agree
+
+FRAME = 5
+
+
+def stage(scene: Any) -> Any:
+    """A box over a floor, sun and sky; the shutter is open for a frame around frame 5."""
+    look_at(scene, (3.0, -3.0, 2.5), (0.0, 0.0, 0.4))
+    add_lamp("SUN", 2.0, (2, -3, 5), toward=(0, 0, 0), angle=0.1)
+    set_world(scene, 0.3)
+    scene.cycles.max_bounces = 1
+    add_plane(diffuse(0.6), 6.0)
+    open_shutter(scene)
+    return add_box(diffuse((0.8, 0.4, 0.2)), location=(0, 0, 0.6))
+
+
+def open_shutter(scene: Any, length: float = 1.0, position: str = "CENTER") -> None:
+    """Motion blur; its position is Cycles' own property until 4.1."""
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, length
+    owner = scene.render if hasattr(scene.render, "motion_blur_position") else scene.cycles
+    owner.motion_blur_position = position
+
+
+def animate(owner: Any, path: str, *keys: tuple[int, Any]) -> None:
+    """Keyframes of a property."""
+    for frame, value in keys:
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def fly(obj: Any) -> None:
+    """Across the picture, turning."""
+    animate(obj, "location", (1, (-3, 0, 0.6)), (9, (3, 0, 0.6)))
+    animate(obj, "rotation_euler", (1, (0, 0, -3)), (9, (0, 0, 5)))
+
+
+def move_object(scene: Any, box: Any) -> None:
+    fly(box)
+
+
+def move_from_start(scene: Any, box: Any) -> None:
+    fly(box)
+    open_shutter(scene, 1.0, "START")
+
+
+def move_to_end(scene: Any, box: Any) -> None:
+    fly(box)
+    open_shutter(scene, 0.5, "END")
+
+
+def turn_in_steps(scene: Any, box: Any) -> None:
+    animate(box, "rotation_euler", (4, (0, 0, -1.5)), (6, (0, 0, 1.6)))
+    box.cycles.motion_steps = 3
+
+
+def move_camera(scene: Any, box: Any) -> None:
+    place = scene.camera.location.copy()
+    animate(scene.camera, "location", (4, place + Vector((-0.3, 0, 0))), (6, place + Vector((0.3, 0.1, 0))))
+
+
+def zoom(scene: Any, box: Any) -> None:
+    animate(scene.camera.data, "lens", (4, 35.0), (6, 65.0))
+
+
+def deform(scene: Any, box: Any) -> None:
+    box.shape_key_add(name="Basis")
+    key = box.shape_key_add(name="Moved", from_mix=False)
+    for point in key.data:
+        point.co = point.co * 1.8 + Vector((0.4, 0, 0.3))
+    animate(key, "value", (4, 0.0), (6, 1.0))
+
+
+def roll(scene: Any, box: Any) -> None:
+    fly(box)
+    scene.cycles.rolling_shutter_type, scene.cycles.rolling_shutter_duration = "TOP", 0.2
+
+
+def switched_off(scene: Any, box: Any) -> None:
+    fly(box)
+    box.cycles.use_motion_blur = False
+
+
+def velocities(scene: Any, box: Any) -> None:
+    attribute = box.data.attributes.new("velocity", "FLOAT_VECTOR", "POINT")
+    count = len(box.data.vertices)
+    attribute.data.foreach_set("vector", np.tile(np.array((12, 0, 6), np.float32), count))
+
+
+def shutter_curve(scene: Any, box: Any) -> None:
+    fly(box)
+    curve = scene.render.motion_blur_shutter_curve
+    curve.curves[0].points[0].location = (0, 0)
+    curve.update()
+
+
+def move_instances(scene: Any, box: Any) -> None:
+    inner = bpy.data.collections.new("Inner")
+    scene.collection.objects.unlink(box)
+    inner.objects.link(box)
+    box.scale, box.location = (0.5, 0.5, 0.5), (0, 0, 0)
+    empties = [add_object(None, (0, y, 0.4)) for y in (0.0, 1.0)]
+    for empty in empties:
+        empty.instance_type, empty.instance_collection = "COLLECTION", inner
+    animate(empties[0], "location", (4, (-0.5, 0, 0.5)), (6, (0.5, 0, 0.8)))
+
+
+MOVES: Sequence[Callable[[Any, Any], None]] = (
+    move_object,
+    move_from_start,
+    move_to_end,
+    turn_in_steps,
+    move_camera,
+    zoom,
+    deform,
+    roll,
+    switched_off,
+    velocities,
+    shutter_curve,
+    move_instances,
+)
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_motion(pair_scene: Any, tmp_path: Path, move: Callable[[Any, Any], None]) -> None:
+    box = stage(pair_scene)
+    move(pair_scene, box)
+    pair_scene.frame_set(FRAME)
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+
+
+def test_hair_moves_with_its_object(pair_scene: Any, tmp_path: Path) -> None:
+    box = stage(pair_scene)
+    box.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings = box.particle_systems[0].settings
+    settings.type, settings.count, settings.hair_length = "HAIR", 60, 0.6
+    settings.radius_scale, settings.root_radius, settings.tip_radius = 0.06, 1.0, 0.3
+    animate(box, "location", (4, (-0.2, 0, 0.6)), (6, (0.3, 0, 0.6)))
+    pair_scene.frame_set(FRAME)
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.015, 0.08, 0.01))
