@@ -167,7 +167,7 @@ def run_session(
         "tolerance": TOLERANCE,
         "zip": str(files.extension if kind == "extension" else files.legacy),
         "upgrade": str(files.extension_upgrade if kind == "extension" else files.legacy_upgrade),
-        "legacy": str(files.legacy),
+        "second": str(files.legacy_upgrade),
         "ended": ENDED,
         "next_version": NEXT_VERSION,
         "of_another_python": str(files.of_another_python),

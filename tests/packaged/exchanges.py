@@ -30,10 +30,10 @@ import scenes
 
 
 def second_copy() -> None:
-    """A legacy add-on beside the extension: refused in words, and the first goes on."""
+    """A legacy add-on of another version beside the extension: refused in words, and the first goes on."""
     if JOB["kind"] != "extension":
         raise Skipped("there are no extensions")
-    bpy.ops.preferences.addon_install(filepath=JOB["legacy"], overwrite=True)
+    bpy.ops.preferences.addon_install(filepath=JOB["second"], overwrite=True)
     bpy.ops.preferences.addon_enable(module="talbot")
     check(difference(render(0, "TALBOT"), State.before[0]) == 0, "the picture changed")
     bpy.ops.preferences.addon_disable(module="talbot")
