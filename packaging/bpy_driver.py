@@ -319,8 +319,9 @@ def main() -> int:
 
 
 def leave(status: object) -> None:
-    """Like sys.exit. Blender 4.2's static destructors ask Python for its lock when Python is gone, and whether that
-    crashes is left to chance: there the process ends before them, when everything else is put away."""
+    """Like sys.exit. In Blender 4.2 a property group with callbacks, once registered, keeps `bpy` beyond the end of
+    Python, and static destructors then ask Python for its lock: a crash. Talbot takes care of its own (see
+    addon/properties.py); for other scripts the process ends before them, when everything else is put away."""
     bpy = sys.modules.get("bpy")
     if bpy is None or bpy.app.version >= (4, 5, 0):
         sys.exit(status)
