@@ -3,6 +3,7 @@
     ./talbot bench [SCENE ...] [--blender WHICH] [--seeds N] [--seconds S] [--size W] [--json FILE] [--against FILE]
     ./talbot bench limit [SCENE ...] [--blender WHICH]       (limit.py)
     ./talbot bench nodes [NAME ...] [--blender WHICH]        (nodes.py)
+    ./talbot bench sync [CASE ...] [--blender WHICH]         (sync.py)
 
 SCENE is a .blend file, a script that builds a scene (script.py:argument), or a folder of .blend files; without one, the
 scenes of this project. Each engine renders about `--seconds` a picture, once for each seed, without clamping,
@@ -27,10 +28,11 @@ from typing import Any
 import limit
 import nodes
 import numpy as np
+import sync
 
 ROOT = Path(__file__).resolve().parents[2]
 JOB = Path(__file__).with_name("render_job.py")
-OTHERS = {"limit": limit.main, "nodes": nodes.main}
+OTHERS = {"limit": limit.main, "nodes": nodes.main, "sync": sync.main}
 DEFAULT_SCENES = ["scenes/cornell.py", "scenes/cornell.py:spheres", "scenes/terrain.py", "scenes/default.py"]
 
 
