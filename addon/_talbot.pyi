@@ -91,7 +91,11 @@ class ObjectArrays(TypedDict, total=False):
     names: list[str]
     material_set: i32  # (n,) index into `material_sets`
     material_sets: list[list[int]]  # shader handles by material slot, -1: none
-    visibility: u32  # (n,) bits camera 1, diffuse 2, glossy 4, transmission 8, volume 16, shadow 32
+    # (n,) bits camera 1, diffuse 2, glossy 4, transmission 8, volume 16, shadow 32, blocker groups from 256 on
+    visibility: u32
+    receiver_set: i32  # (n,) 0 to 63
+    linking: i32  # (n,) of its emission, index into `linkings`, -1: it lights everything
+    linkings: list[tuple[int, int]]  # mask of the receiver sets; 32 or the bit of a blocker group
     random: u32  # (n,)
     pass_index: i32  # (n,)
     color: f32  # (n, 4)
@@ -132,7 +136,7 @@ class Session:
         """`positions` (moments * V, 3), and `normals` in the same way of the corner normals, where the mesh has none of the
         vertex normals. Until the mesh is set again."""
     def set_lights(self, lights: list[dict[str, Any]]) -> None:
-        """Replaces all lamps."""
+        """Replaces all lamps. `linking`: a pair as in ObjectArrays."""
     def add_shader(self, name: str, graph: dict[str, Any], values: dict[str, Any]) -> int:
         """graph = {"nodes": [{"type", "name", "properties": {name: number | str | f32 array},
                                "inputs": [(identifier, kind, value, hidden_value, from_node, from_output)],

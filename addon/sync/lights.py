@@ -47,6 +47,7 @@ def light_values(
         "use_mis": bool(cycles.get("use_multiple_importance_sampling", True)),
         "max_bounces": int(cycles.get("max_bounces", 1024)),
         "random": random,
+        "is_shadow_catcher": owner.is_shadow_catcher,
     }
     if light.type in ("POINT", "SPOT"):
         values["radius"] = light.shadow_soft_size

@@ -14,7 +14,9 @@ from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext
 from .culling import Culling
 from .hashes import mixed_keys, name_key
 from .lights import light_values
+from .linking import LinkPass, Resolved, Subject, linking_arrays
 from .materials import ShaderSync
+from .named import named_property
 from .strands import HairSource, hair_sources
 from .unsupported import warn_kind, warn_object
 
@@ -48,6 +50,7 @@ class Record:
     shading_offset: float
     geometry_offset: float
     holders: tuple[Any, ...]
+    subject: Subject
     attribute_set: int = -1
     hair: HairSource | None = None
     """Strands that grow on `mesh`, instead of the mesh itself."""
@@ -67,6 +70,7 @@ class Gathered:
     rows: list[int] = field(default_factory=list)
     which: list[int] = field(default_factory=list)
     lights: list[dict[str, Any]] = field(default_factory=list)
+    linked: Resolved | None = None
     names: list[str] = field(default_factory=list)
     material_sets: list[list[int]] = field(default_factory=list)
     attribute_sets: list[list[tuple[str, tuple[float, ...]]]] = field(default_factory=list)
@@ -91,6 +95,8 @@ class ObjectPass:
         self.view_layer = view_layer
         self.override = view_layer.material_override
         self.out = Gathered()
+        self._links = LinkPass(context)
+        self._light_subjects: list[Subject] = []
         self._names: dict[str, int] = {}
         self._sets: dict[tuple[int, ...], int] = {}
         self._attributes: dict[tuple[Any, ...], int] = {}
@@ -144,6 +150,7 @@ class ObjectPass:
             self._cull(self.culling)
         real = ~out.is_instance
         out.random[real] = mixed_keys(out.random[real])
+        self._link()
         # Only now all shaders are known.
         wanted = self.shaders.wanted()
         if INSTANCER in wanted and any(dupli):
@@ -167,6 +174,13 @@ class ObjectPass:
         out.rows = [row for row, is_shown in zip(out.rows, shown.tolist(), strict=True) if is_shown]
         out.which = which.reshape(-1).tolist()
         out.records = [out.records[index] for index in used.tolist()]
+
+    def _link(self) -> None:
+        """Who lights whom: known only when all objects are."""
+        self.out.linked = linked = self._links.resolve()
+        for light, subject in zip(self.out.lights, self._light_subjects, strict=True):
+            if linked is not None and subject in linked.linkings:
+                light["linking"] = linked.linkings[subject]
 
     def _read_particles(self, instances: Any) -> None:
         """Instances one by one: Blender has no bulk call that tells their particles."""
@@ -194,6 +208,7 @@ class ObjectPass:
         values = light_values(self.context, self.shaders, obj, matrix, self._visibility(obj, parent), random)
         if values is not None:
             self.out.lights.append(values)
+            self._light_subjects.append(self._links.subject(obj, parent))
 
     def _record(self, obj: Any, data: Any, parent: Any) -> int:
         kind = obj.type
@@ -260,6 +275,7 @@ class ObjectPass:
                     cycles.get("shadow_terminator_geometry_offset", 0.1) if geometry is None else geometry
                 ),
                 holders=holders,
+                subject=self._links.subject(obj, parent),
                 hair=hair,
             )
         )
@@ -332,33 +348,6 @@ def particle_values(particles: Any, index: int, frame: float) -> list[tuple[str,
     ]
 
 
-def named_property(holder: Any, name: str) -> tuple[float, ...] | None:
-    """A custom property of a datablock (of an object: or its data), or a property by its path, as 1 to 4 numbers."""
-    for owner in (holder, getattr(holder, "data", None)):
-        if owner is None:
-            continue
-        value = owner.get(name)
-        if value is None:
-            try:
-                value = owner.path_resolve(name)
-            except (ValueError, TypeError, AttributeError):
-                continue
-        numbers = _numbers(value)
-        if numbers is not None:
-            return numbers
-    return None
-
-
-def _numbers(value: Any) -> tuple[float, ...] | None:
-    if isinstance(value, (bool, int, float)):
-        return (float(value),)
-    try:
-        numbers = tuple(float(v) for v in value)
-    except (TypeError, ValueError):
-        return None
-    return numbers if 1 <= len(numbers) <= 4 else None
-
-
 def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
     """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
     records = gathered.records
@@ -391,6 +380,11 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
         "attribute_set": attribute_sets,
         "attribute_sets": gathered.attribute_sets,
     }
+    if gathered.linked is not None:
+        arrays |= linking_arrays(gathered.linked, [r.subject for r in records], which)
+        arrays["visibility"] |= column(
+            [gathered.linked.blocker_bits(r.subject, r.visibility) for r in records], np.uint32
+        )
     if gathered.dupli is not None:
         arrays["dupli_generated"] = np.ascontiguousarray(gathered.dupli[0][rows])
         arrays["dupli_uv"] = np.ascontiguousarray(gathered.dupli[1][rows])

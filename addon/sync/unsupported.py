@@ -18,9 +18,6 @@ def warn_kind(context: SyncContext, obj: Any) -> None:
 def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
     """An object with something on it that is left out."""
     where = f"Object '{obj.name}'"
-    linking = getattr(obj, "light_linking", None)
-    if linking is not None and (linking.receiver_collection is not None or linking.blocker_collection is not None):
-        context.warn(f"{where}: light linking is not supported yet; its light reaches everything")
     cycles = versions.cycles_settings(obj)
     experimental = versions.cycles_settings(scene).get("feature_set", "SUPPORTED") == "EXPERIMENTAL"
     adaptive = experimental and cycles.get("use_adaptive_subdivision", False)

@@ -25,6 +25,10 @@ enum PathFlags : int32_t {
     kPathTerminate = 1 << 21,       ///< lost the roulette on arrival, or at the limit of transparent surfaces: collects the surface's emission, then ends
 };
 
+/// Where some light is linked, the path's flags hold the receiver set of the object that scattered it last, in the bits from here on.
+inline constexpr int kPathReceiverShift = 24;
+static_assert(scene::kReceiverSets <= 1 << 6);
+
 struct PathColumns {
     Columns3 origin, direction;
     float* t_max = nullptr;
@@ -102,6 +106,7 @@ struct SpanScratch {
     float* sampled_roughness = nullptr;
     float* sampled_eta = nullptr;
     int32_t *sampled_flags = nullptr, *chosen = nullptr;
+    int32_t* receiver = nullptr;  ///< receiver set of the span's objects or of those that sent its rays, where some light is linked
     int32_t *list = nullptr, *list2 = nullptr;
     uint8_t* mask = nullptr;
     Columns3 rgb, share_a, share_b, tmp3;

@@ -38,6 +38,13 @@ std::vector<AliasEntry> make_alias(const std::vector<double>& weights) {
 
 namespace {
 
+/// Some emitter does not light everything: lamps, suns, and objects whether they are sampled or not.
+bool has_links(const scene::Scene& scene) {
+    const auto links = [](const scene::Linking& linking) { return linking.receivers != scene::Linking{}.receivers; };
+    return std::any_of(scene.linkings.begin(), scene.linkings.end(), links) ||
+           std::any_of(scene.lights.begin(), scene.lights.end(), [&](const scene::Light& light) { return links(light.linking); });
+}
+
 /// The distant stratum holds at most a few suns and the world: each is chosen by its irradiance on a surface that faces it.
 void set_distant_probabilities(float world_mean, EmitterTable& table) {
     std::vector<double> weights;
@@ -50,6 +57,11 @@ void set_distant_probabilities(float world_mean, EmitterTable& table) {
     for (double w : weights) total += w;
     for (size_t i = 0; i < weights.size(); ++i) table.suns[i].probability = total > 0 ? float(weights[i] / total) : 0.0f;
     table.view.world.probability = total > 0 ? float(world / total) : 0.0f;
+    for (int set = 0; set < scene::kReceiverSets; ++set) {
+        float lit = table.view.world.probability;
+        for (const Sun& sun : table.suns) lit += is_lit(sun.receivers, set) ? sun.probability : 0.0f;
+        table.view.distant_scale[set] = lit > 0 ? 1.0f / lit : 0.0f;
+    }
 }
 
 }  // namespace
@@ -88,6 +100,8 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     for (const LightTriangle& triangle : table->triangles) {
         view.has_mesh_programs |= !programs.shaders[size_t(triangle.shader)].emission_is_constant;
     }
+    summary.has_links = has_links(scene);
+    if (summary.has_links) view.receivers = table->receivers.data();
     view.emitters = table->emitters.data();
     view.reach = table->reach.data();
     view.emitter_count = int(table->emitters.size());

@@ -160,7 +160,8 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     sun.program_shader = own.program_shader;
     sun.visibility = int32_t(light.visibility);
     sun.hit_visibility = int32_t(light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera);
-    sun.casts_shadow = light.cast_shadow;
+    sun.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
+    sun.receivers = light.linking.receivers;
     sun.max_bounces = light.max_bounces;
     sun.handle = handle;
     sun.to_world = light.to_world;
@@ -189,7 +190,8 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.program_shader = own.program_shader;
         lamp.visibility = int32_t(light.visibility);
         lamp.hit_visibility = int32_t(light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera);
-        lamp.casts_shadow = light.cast_shadow;
+        lamp.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
+        lamp.receivers = light.linking.receivers;
         lamp.max_bounces = light.max_bounces;
         lamp.handle = scene::Handle(i);
         lamp.to_world = light.to_world;
@@ -213,6 +215,7 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.emitter = int32_t(table.emitters.size());
         table.emitters.push_back({lamp.kind, int32_t(table.lamps.size()), -1, lamp.rect});
         table.reach.push_back(reach);
+        table.receivers.push_back(lamp.receivers);
         table.lamps.push_back(lamp);
     }
 }

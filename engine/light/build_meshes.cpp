@@ -213,6 +213,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         emitter.map = set.map;
         emitter.object = i;
         emitter.visibility = int32_t(object.visibility);
+        emitter.blockers = int32_t(object.linking.blockers);
         emitter.front_sign = object.negative_scale ? -1.0f : 1.0f;
         Reach reach;
         bound(set, emitter, emissive, table, reach);
@@ -233,6 +234,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         table.object_emitter[size_t(i)] = int32_t(table.emitters.size());
         table.emitters.push_back(out);
         table.reach.push_back(reach);
+        table.receivers.push_back(object.linking.receivers);
         table.meshes.push_back(emitter);
     }
 }

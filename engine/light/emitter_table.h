@@ -83,8 +83,9 @@ struct Lamp {
     int32_t emitter = -1;         ///< in the list of local emitters; -1: not sampled (no power)
     int32_t program_shader = -1;  ///< shader whose emission program multiplies `power`; -1: constant
     int32_t visibility = 0;
-    int32_t hit_visibility = 0;  ///< rays that may hit it (without MIS: camera rays only)
-    int32_t casts_shadow = 1;
+    int32_t hit_visibility = 0;                ///< rays that may hit it (without MIS: camera rays only)
+    int32_t blockers = scene::kVisibleShadow;  ///< mask of its shadow rays; 0: nothing casts a shadow
+    uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
     int32_t handle = -1;
     Affine to_world, to_object;  ///< for its program
@@ -106,6 +107,7 @@ struct MeshEmitter {
     int32_t map = 0;               ///< in primitive_to_triangle: triangle of primitive k at map + k, -1: none
     int32_t object = -1;
     int32_t visibility = 0;
+    int32_t blockers = scene::kVisibleShadow;
     float front_sign = 1;  ///< -1: the map mirrors, a triangle's world cross product points to the back
 };
 
@@ -132,7 +134,8 @@ struct Sun {
     int32_t program_shader = -1;
     int32_t visibility = 0;
     int32_t hit_visibility = 0;
-    int32_t casts_shadow = 1;
+    int32_t blockers = scene::kVisibleShadow;
+    uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
     int32_t handle = -1;
     Affine to_world, to_object;  ///< for its program
@@ -151,11 +154,22 @@ struct WorldMap {
     float sun_share = 0;  ///< of the world's samples; 0: no disc
 };
 
+/// Light of this emitter that scattered rays find does not count: other objects stopped them than cast its shadows.
+TALBOT_INLINE bool has_own_blockers(int32_t blockers) {
+    return (uint32_t(blockers) & scene::kBlockerBits) != 0;
+}
+
+/// True when the mask of sets holds the receiver's, or nobody receives (-1).
+TALBOT_INLINE bool is_lit(uint64_t receivers, int32_t receiver) {
+    return receiver < 0 || ((receivers >> receiver) & 1) != 0;
+}
+
 /// What kernels read.
 struct EmitterView {
     const Emitter* emitters = nullptr;
     const Reach* reach = nullptr;
-    const AliasEntry* alias = nullptr;  ///< set when the list is longer than kScannedEmitters
+    const AliasEntry* alias = nullptr;    ///< set when the list is longer than kScannedEmitters
+    const uint64_t* receivers = nullptr;  ///< by emitter: sets it lights; null: each lights all
     int emitter_count = 0;
     bool has_kind[kEmitterKinds] = {};
     const Lamp* lamps = nullptr;
@@ -173,6 +187,7 @@ struct EmitterView {
     bool has_lamp_programs = false;
     bool has_mesh_programs = false;
     WorldMap world;
+    float distant_scale[scene::kReceiverSets];  ///< by receiver set: 1 / probability of all distant emitters that light it; 0: none does
     int world_shader = -1;
     int world_visibility = 0;
     int world_max_bounces = 1024;
@@ -184,6 +199,7 @@ struct EmitterTable {
     std::vector<Emitter> emitters;
     std::vector<Reach> reach;
     std::vector<AliasEntry> alias;
+    std::vector<uint64_t> receivers;
     std::vector<Lamp> lamps;
     std::vector<int32_t> visible_lamps;
     std::vector<Rect> rects;

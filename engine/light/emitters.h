@@ -36,6 +36,7 @@ struct EmitterSummary {
     bool has_distant = false;        ///< suns or a world map
     bool has_visible_lamps = false;  ///< lamps that rays may hit (intersect_lamps is needed)
     bool has_visible_suns = false;   ///< suns with a disc that rays may see (shade_suns is needed)
+    bool has_links = false;          ///< some emitter does not light everything: receivers are asked for
     bool world_is_black = false;
     bool world_is_constant = false;
     Rgb constant_world;
@@ -49,18 +50,19 @@ struct LightQuery {
     ConstColumns3 p, n_s;
     const float *pick_u = nullptr, *pick_v = nullptr, *u = nullptr, *v = nullptr;  ///< random pairs in [0,1)
     const int32_t* bounce = nullptr;                                               ///< of the shading point (lamps' max_bounces)
+    const int32_t* receiver = nullptr;                                             ///< its object's receiver set; null: everything is lit
     int n = 0;
 };
 
 /// One light sample a lane.
 struct LightSamples {
-    Columns3 wi;                  ///< unit, towards the light
-    float* distance = nullptr;    ///< infinity for distant emitters
-    Columns3 radiance;            ///< emitted towards the point, divided by nothing
-    float* pdf = nullptr;         ///< per solid angle, selection included; 0: no sample. For delta emitters: selection probability alone, and radiance is
-                                  ///< intensity/d^2 or irradiance
-    uint8_t* is_delta = nullptr;  ///< no MIS: BSDF rays cannot find it
-    uint8_t* casts_shadow = nullptr;
+    Columns3 wi;                    ///< unit, towards the light
+    float* distance = nullptr;      ///< infinity for distant emitters
+    Columns3 radiance;              ///< emitted towards the point, divided by nothing
+    float* pdf = nullptr;           ///< per solid angle, selection included; 0: no sample. For delta emitters: selection probability alone, and radiance is
+                                    ///< intensity/d^2 or irradiance
+    uint8_t* is_delta = nullptr;    ///< no MIS: BSDF rays cannot find it, or do not count
+    int32_t* blockers = nullptr;    ///< mask of its shadow ray; 0: nothing casts a shadow
     int32_t* visibility = nullptr;  ///< scene::Visibility bits of the lamp: which kinds of lobe it lights
 };
 
@@ -79,12 +81,13 @@ void sample_emitters(const EmitterTable& table, Stratum stratum, const LightQuer
                      const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out);
 
 /// Density (per solid angle, selection included) with which `sample_emitters` at `origin` would have chosen the surface point a BSDF ray hit:
-/// emissive triangle (object, primitive) at distance t with geometric normal n_g. 0 when it is not sampled.
+/// emissive triangle (object, primitive) at distance t with geometric normal n_g. 0 when it is not sampled. Infinite when samples alone bring its light: the
+/// ray was stopped by more, or less, than what casts this emitter's shadows. `receiver`: see LightQuery; the objects are lit by what the rays hit.
 void pdf_triangles(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
-                   const int32_t* primitive, int n, float* pdf);
+                   const int32_t* primitive, const int32_t* receiver, int n, float* pdf);
 
 /// The same for the world in `direction` (0 when the world is not sampled).
-void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, float* pdf);
+void pdf_background(const EmitterTable& table, ConstColumns3 direction, const int32_t* receiver, int n, float* pdf);
 
 /// Lamps are not in the acceleration structure. Nearest visible lamp (area, sphere of point and spot) before t_max on each ray:
 /// emitter[i] = lamp index or -1, t[i] its distance. `visibility[i]` = mask of the ray's kind. Lamps do not block rays: to collect those behind the
@@ -92,13 +95,15 @@ void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, f
 void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
                      int32_t* emitter, float* t, const float* t_min = nullptr);
 /// Radiance of that lamp towards the ray's origin and its sampling density there. Origin is the vertex that scattered the ray (soft point lamps turn towards
-/// it). `bounce` is that vertex's, for lamps whose nodes ask (null: 0). A lamp's max_bounces is for light samples only, as in Cycles.
+/// it). `bounce` is that vertex's, for lamps whose nodes ask (null: 0). A lamp's max_bounces is for light samples only, as in Cycles. `receiver` is the set of
+/// the object there, -1: the camera, which sees everything (null: everything is lit); infinite densities as above.
 void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
                  int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
-                 const int32_t* bounce = nullptr);
+                 const int32_t* bounce = nullptr, const int32_t* receiver = nullptr);
 /// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
-/// weight 1).
-void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance);
+/// weight 1). n <= kSpan.
+void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
+                const int32_t* receiver = nullptr);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light

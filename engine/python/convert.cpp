@@ -1,6 +1,7 @@
 #include "python/convert.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <memory>
 
@@ -186,6 +187,10 @@ void Fields::operator()(const char* name, Vec3& out) {
     out = {values[0], values[1], values[2]};
 }
 
+void Fields::operator()(const char* name, scene::Linking& out) {
+    if (const py::handle value = find(name)) out = read_linking(value);
+}
+
 void Fields::operator()(const char* name, Affine& out) {
     if (!values_.contains(name)) {
         names_.push_back(name);
@@ -235,6 +240,13 @@ void Fields::read_enum(const char* name, int& index, std::span<const char* const
     const auto found = std::find_if(names.begin(), names.end(), [&](const char* n) { return text == n; });
     if (found == names.end()) throw Error(std::string(what_) + ": '" + name + "' cannot be '" + text + "'");
     index = int(found - names.begin());
+}
+
+scene::Linking read_linking(py::handle pair) {
+    const auto [receivers, blockers] = py::cast<std::pair<uint64_t, uint32_t>>(pair);
+    const bool group = (blockers & scene::kBlockerBits) == blockers && std::has_single_bit(blockers);
+    if (!group && blockers != scene::kVisibleShadow) throw Error("Light linking: its shadows are not one blocker group's");
+    return {receivers, blockers};
 }
 
 Affine affine_from_columns(const float* columns) {

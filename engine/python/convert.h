@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/vec.h"
+#include "scene/scene.h"
 
 namespace talbot::python {
 
@@ -95,6 +96,7 @@ public:
     void operator()(const char* name, float& out);  ///< finite only
     void operator()(const char* name, std::string& out);
     void operator()(const char* name, Vec3& out);
+    void operator()(const char* name, scene::Linking& out);
     void operator()(const char* name, Affine& out);  ///< 16 floats, column-major
     void operator()(const char* name, std::span<float> out);
     void operator()(const char* name, std::vector<int>& out);
@@ -117,6 +119,9 @@ private:
     size_t known_ = 0;
     std::vector<const char*> names_;
 };
+
+/// (receivers, blockers) of light linking.
+scene::Linking read_linking(py::handle pair);
 
 /// 16 floats, column-major as Blender's foreach_get gives matrices.
 Affine affine_from_columns(const float* columns);

@@ -21,7 +21,7 @@ void check_indices(std::span<const int32_t> column, size_t bound, const char* na
 }
 
 struct ObjectColumns {
-    std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set;
+    std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set, receiver_set, linking;
     std::span<const float> matrix, color, dupli_generated, dupli_uv, shading_offset, geometry_offset;
     std::span<const uint32_t> visibility, random, flags;
 };
@@ -72,6 +72,14 @@ std::vector<std::vector<Attribute>> read_attribute_sets(ArrayDict& arrays) {
     return sets;
 }
 
+std::vector<Linking> read_linkings(ArrayDict& arrays) {
+    std::vector<Linking> linkings;
+    const py::object list = arrays.value("linkings");
+    if (list.is_none()) return linkings;
+    for (const py::handle item : list) linkings.push_back(read_linking(item));
+    return linkings;
+}
+
 /// Places an object; one that cannot be seen keeps its slot, without a mesh.
 bool place(Object& object, Handle mesh, const float* matrix) {
     object.to_world = affine_from_columns(matrix);
@@ -93,7 +101,9 @@ std::vector<Object> make_objects(const ObjectColumns& c, size_t n) {
         if (!c.name.empty()) o.name = c.name[i];
         if (!c.material_set.empty()) o.material_set = c.material_set[i];
         if (!c.attribute_set.empty()) o.attribute_set = c.attribute_set[i];
-        if (!c.visibility.empty()) o.visibility = c.visibility[i] & kVisibleAll;
+        if (!c.visibility.empty()) o.visibility = c.visibility[i] & (kVisibleAll | kBlockerBits);
+        if (!c.receiver_set.empty()) o.receiver_set = uint8_t(c.receiver_set[i]);
+        if (!c.linking.empty()) o.linking = c.linking[i];
         if (!c.random.empty()) o.random = c.random[i];
         if (!c.pass_index.empty()) o.pass_index = c.pass_index[i];
         if (!c.color.empty()) std::copy_n(&c.color[i * 4], 4, o.color);
@@ -123,6 +133,8 @@ void set_objects(NativeSession& native, const py::dict& values) {
     c.name = arrays.get<int32_t>("name", 1);
     c.material_set = arrays.get<int32_t>("material_set", 1);
     c.attribute_set = arrays.get<int32_t>("attribute_set", 1);
+    c.receiver_set = arrays.get<int32_t>("receiver_set", 1);
+    c.linking = arrays.get<int32_t>("linking", 1);
     c.visibility = arrays.get<uint32_t>("visibility", 1);
     c.random = arrays.get<uint32_t>("random", 1);
     c.pass_index = arrays.get<int32_t>("pass_index", 1);
@@ -135,6 +147,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     std::vector<std::string> names = read_names(arrays);
     std::vector<std::vector<Handle>> material_sets = read_material_sets(arrays, native, scene.shaders.size());
     std::vector<std::vector<Attribute>> attribute_sets = read_attribute_sets(arrays);
+    std::vector<Linking> linkings = read_linkings(arrays);
     arrays.finish("The objects' dictionary");
 
     const size_t n = c.mesh.size();
@@ -142,6 +155,8 @@ void set_objects(NativeSession& native, const py::dict& values) {
     check_column(c.name, n, "name");
     check_column(c.material_set, n, "material_set");
     check_column(c.attribute_set, n, "attribute_set");
+    check_column(c.receiver_set, n, "receiver_set");
+    check_column(c.linking, n, "linking");
     check_column(c.visibility, n, "visibility");
     check_column(c.random, n, "random");
     check_column(c.pass_index, n, "pass_index");
@@ -157,10 +172,14 @@ void set_objects(NativeSession& native, const py::dict& values) {
     check_indices(c.name, names.size(), "name");
     check_indices(c.material_set, material_sets.size(), "material_set");
     check_indices(c.attribute_set, attribute_sets.size(), "attribute_set");
+    check_indices(c.linking, linkings.size(), "linking");
+    for (const int32_t set : c.receiver_set)
+        if (set < 0 || set >= kReceiverSets) throw Error("Objects: 'receiver_set' must be 0 to 63");
     std::vector<Object> objects = make_objects(c, n);
     scene.object_names = std::move(names);
     scene.material_sets = std::move(material_sets);
     scene.object_attribute_sets = std::move(attribute_sets);
+    scene.linkings = std::move(linkings);
     native.object_meshes.assign(c.mesh.begin(), c.mesh.end());
     for (size_t i = 0; i < n; ++i) {
         if (c.mesh[i] != kNone && !place(objects[i], c.mesh[i], &c.matrix[i * 16])) warn_hidden(native, scene, objects[i]);

@@ -39,8 +39,9 @@ constexpr const char* kPasses[] = {"combined",
                                    "environment",
                                    "denoising_albedo",
                                    "denoising_normal",
-                                   "sample_count"};
-static_assert(std::size(kPasses) == size_t(PassKind::SampleCount) + 1);
+                                   "sample_count",
+                                   "shadow_catcher"};
+static_assert(std::size(kPasses) == size_t(PassKind::ShadowCatcher) + 1);
 
 void require(bool ok, const char* message) {
     if (!ok) throw Error(message);
@@ -173,6 +174,8 @@ Light read_light(const py::dict& values) {
     f("max_bounces", l.max_bounces);
     f("light_group", l.light_group);
     f("random", l.random);
+    f("linking", l.linking);
+    f("is_shadow_catcher", l.is_shadow_catcher);
     f.finish();
     return l;
 }

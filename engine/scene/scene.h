@@ -26,7 +26,18 @@ enum Visibility : uint32_t {
     kVisibleShadow = 32,
     kVisibleRaycast = 128,  ///< met by the Raycast node's rays; 64 is taken by the accelerator's own kind of shadow ray
     kVisibleAll = 63 | kVisibleRaycast,
+    kBlocker = 256,  ///< and the bits above: see Linking
 };
+
+/// Light linking. Every object is in one of 64 receiver sets, and every emitter has a mask of the sets it lights. An emitter whose shadows only some objects
+/// cast has a blocker group g of its own, 0 to 16: its shadow rays see the objects with the bit kBlocker << g in their visibility (and kVisibleShadow), all
+/// others those with kVisibleShadow.
+struct Linking {
+    uint64_t receivers = ~uint64_t(0);   ///< bit s: lights the objects of set s
+    uint32_t blockers = kVisibleShadow;  ///< the bit its shadow rays ask for
+};
+inline constexpr int kReceiverSets = 64, kBlockerGroups = 17;
+inline constexpr uint32_t kBlockerBits = ((1u << kBlockerGroups) - 1) * kBlocker;
 
 enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };
 
@@ -85,6 +96,7 @@ struct Object {
     Handle material_set = kNone;   ///< into Scene::material_sets; missing materials are the default grey
     Handle attribute_set = kNone;  ///< into Scene::object_attribute_sets (custom properties)
     Handle motion = kNone;         ///< into Motion::objects; kNone: it stands still
+    Handle linking = kNone;        ///< into Scene::linkings, of its emission; kNone: it lights everything
     Affine to_world;               ///< in the middle of the shutter
     uint32_t visibility = kVisibleAll;
     uint32_t random = 0;  ///< Blender's random_id; Object Info gives random / (2^32 - 1)
@@ -95,6 +107,7 @@ struct Object {
     bool is_instance = false;
     bool is_holdout = false;
     bool is_shadow_catcher = false;
+    uint8_t receiver_set = 0;                        ///< which emitters light it
     float shadow_terminator_shading_offset = 0;      ///< 0..1: moves the smooth shading's dark side towards the light
     float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
 };
@@ -145,6 +158,8 @@ struct Light {
     int max_bounces = 1024;
     int32_t light_group = 0;
     uint32_t random = 0;
+    Linking linking;
+    bool is_shadow_catcher = true;  ///< its light belongs to what shadow catchers stand for
 };
 
 struct World {
@@ -272,6 +287,7 @@ enum class PassKind : uint8_t {
     DenoisingAlbedo,
     DenoisingNormal,  ///< (3)
     SampleCount,      ///< (1)
+    ShadowCatcher,    ///< (3) light on shadow catchers over what it would be without everything else
 };
 
 enum Dirty : uint32_t {
@@ -298,6 +314,7 @@ struct Scene {
     std::vector<std::string> object_names;
     std::vector<std::vector<Handle>> material_sets;             ///< shader of each material slot
     std::vector<std::vector<Attribute>> object_attribute_sets;  ///< Domain::Object, one element each
+    std::vector<Linking> linkings;                              ///< of emissive objects
     std::vector<Light> lights;
     std::vector<Shader> shaders;
     std::vector<std::shared_ptr<const Image>> images;

@@ -136,6 +136,8 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         tables.view.has_holdouts |= object.is_holdout;
         out.is_shadow_catcher = object.is_shadow_catcher;
         out.is_instance = object.is_instance;
+        out.receiver_set = object.receiver_set;
+        if (object.linking >= 0 && size_t(object.linking) < scene.linkings.size()) out.linking = scene.linkings[size_t(object.linking)];
         out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(object.shadow_terminator_shading_offset));
         out.geometry_offset = object.shadow_terminator_geometry_offset;
         if (object.attribute_set >= 0 && size_t(object.attribute_set) < sets) out.attributes = row(meshes + size_t(object.attribute_set));

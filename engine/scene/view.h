@@ -90,6 +90,8 @@ struct ObjectView {
     bool is_holdout = false, is_shadow_catcher = false, is_instance = false;
     float terminator_frequency = 1;  ///< 1 / (1 - half the shading offset)
     float geometry_offset = 0.1f;
+    int32_t receiver_set = 0;
+    Linking linking;                            ///< of its emission
     int32_t motion_steps = 0;                   ///< 0: it stands still
     const Affine* motion = nullptr;             ///< to_world of each step
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries

@@ -1,6 +1,7 @@
 #include "session/check_scene.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace talbot {
 
@@ -104,6 +105,11 @@ void check_motion(const Motion& motion) {
     for (float moment : motion.shutter) demand(moment >= 0 && moment <= 1, "a moment outside the shutter", where);
 }
 
+void check_linking(const Linking& linking, const std::string& where) {
+    const uint32_t b = linking.blockers;
+    demand(b == kVisibleShadow || ((b & kBlockerBits) == b && std::has_single_bit(b)), "not one blocker group", where);
+}
+
 }  // namespace
 
 void check_scene(const Scene& scene) {
@@ -121,11 +127,17 @@ void check_scene(const Scene& scene) {
         check_handle(object.name, scene.object_names.size(), "name", "an object");
         const std::string where = object.name == kNone ? "an object" : "Object '" + scene.object_names[size_t(object.name)] + "'";
         check_handle(object.mesh, scene.meshes.size(), "mesh", where);
+        check_handle(object.linking, scene.linkings.size(), "light linking", where);
+        demand(object.receiver_set < kReceiverSets, "a receiver set that does not exist", where);
         check_handle(object.motion, scene.motion.objects.size(), "motion", where);
         check_handle(object.material_set, scene.material_sets.size(), "material set", where);
         check_handle(object.attribute_set, scene.object_attribute_sets.size(), "set of attributes", where);
     }
-    for (const Light& light : scene.lights) check_handle(light.shader, scene.shaders.size(), "node tree", "Light '" + light.name + "'");
+    for (const Linking& linking : scene.linkings) check_linking(linking, "an object");
+    for (const Light& light : scene.lights) {
+        check_handle(light.shader, scene.shaders.size(), "node tree", "Light '" + light.name + "'");
+        check_linking(light.linking, "Light '" + light.name + "'");
+    }
     check_handle(scene.world.shader, scene.shaders.size(), "node tree", "the world");
     for (const auto& image : scene.images) {
         if (!image || image->pixels.empty()) continue;

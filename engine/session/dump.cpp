@@ -54,7 +54,7 @@ constexpr int last_of(PixelFilter) {
     return int(PixelFilter::BlackmanHarris);
 }
 constexpr int last_of(PassKind) {
-    return int(PassKind::SampleCount);
+    return int(PassKind::ShadowCatcher);
 }
 constexpr int last_of(SocketKind) {
     return int(SocketKind::Shader);
@@ -96,6 +96,12 @@ void fields(A& a, Is<Object> auto& s) {
     a(s.name, s.mesh, s.material_set, s.attribute_set, s.to_world, s.visibility, s.random, s.pass_index, s.color, s.dupli_generated, s.dupli_uv, s.is_instance,
       s.is_holdout, s.is_shadow_catcher, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
     a.since(3, s.motion);
+    a.since(4, s.linking);
+    a.since(4, s.receiver_set);
+}
+template <class A>
+void fields(A& a, Is<Linking> auto& s) {
+    a(s.receivers, s.blockers);
 }
 template <class A>
 void fields(A& a, Is<NodeInput> auto& s) {
@@ -122,6 +128,8 @@ template <class A>
 void fields(A& a, Is<Light> auto& s) {
     a(s.name, s.type, s.to_world, s.color, s.power, s.normalize, s.radius, s.soft_falloff, s.spot_angle, s.spot_blend, s.sun_angle, s.shape, s.size_x, s.size_y,
       s.spread, s.shader, s.visibility, s.cast_shadow, s.use_mis, s.is_portal, s.max_bounces, s.light_group, s.random);
+    a.since(4, s.linking);
+    a.since(4, s.is_shadow_catcher);
 }
 template <class A>
 void fields(A& a, Is<World> auto& s) {
@@ -155,6 +163,7 @@ template <class A>
 void fields(A& a, Is<Scene> auto& s) {
     a(s.settings, s.camera, s.world, s.meshes, s.objects, s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
     a.since(3, s.motion);
+    a.since(4, s.linkings);
 }
 
 // ---- writing

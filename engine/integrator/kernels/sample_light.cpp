@@ -85,9 +85,9 @@ void push_shadow_rays(const RenderContext& context, Worker& worker, int count) {
     if (context.scene->has_motion) gather(paths.time, lanes, count, queue.time + first);
     for (int j = 0; j < count; ++j) {
         const int k = first + j;
-        if (!s.light.casts_shadow[s.list[j]]) queue.t_max[k] = -1.0f;
+        queue.visibility[k] = s.light.blockers[s.list[j]];
+        if (queue.visibility[k] == 0) queue.t_max[k] = -1.0f;
         queue.indirect[k] = total_bounces(queue.bounces[k]) > 0;
-        queue.visibility[k] = scene::kVisibleShadow;
     }
     if (!context.layout->light_passes) return;
     for (int j = 0; j < count; ++j) {
@@ -118,6 +118,10 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     query.u = s.u1;
     query.v = s.v1;
     query.bounce = s.span.depth;
+    if (context.emitter_summary.has_links) {
+        for (int i = 0; i < n; ++i) s.receiver[i] = context.scene->objects[s.span.object[i]].receiver_set;
+        query.receiver = s.receiver;
+    }
     query.n = n;
     light::sample_emitters(*context.emitters, stratum, query, *context.programs, *context.shading, s.emitter, s.light);
     std::memcpy(s.wi.x, s.light.wi.x, size_t(n) * 4);

@@ -201,6 +201,14 @@ void keep_shares(PathColumns& paths, const SpanScratch& s, const shader::Program
     }
 }
 
+/// What a ray finds lights the object that scattered it.
+void keep_receivers(const RenderContext& context, SpanScratch& s, int count) {
+    for (int k = 0; k < count; ++k) {
+        const int i = s.list[k];
+        if (!(s.sampled_flags[i] & kSampledTransparent)) s.path_flags[i] |= context.scene->objects[s.span.object[i]].receiver_set << kPathReceiverShift;
+    }
+}
+
 /// Writes the lanes that go on back to their paths; their rays begin at s.tmp3.
 void send_on(PathColumns& paths, const SpanScratch& s, int count) {
     for (int k = 0; k < count; ++k) {
@@ -272,6 +280,7 @@ int scatter_paths(const RenderContext& context, Worker& worker, const shader::Pr
 
     const int alive = advance_paths(context, s);
     if (shares) keep_shares(paths, s, program, alive);
+    if (context.emitter_summary.has_links) keep_receivers(context, s, alive);
     send_on(paths, s, alive);
     gather(s.lane, s.list, alive, survivors);
     return alive;

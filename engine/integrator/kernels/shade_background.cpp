@@ -1,6 +1,8 @@
 /// What rays meet besides surfaces: lamps on the way, and the world and suns at the end. Light found by a scattered ray is weighted against
 /// the light samples that could have found it (multiple importance sampling); behind a delta lobe or the camera it counts fully.
 
+#include <algorithm>
+
 #include "integrator/kernels/stages.h"
 
 namespace talbot::integrator {
@@ -63,7 +65,9 @@ void world_radiance(const RenderContext& context, Worker& worker, const int32_t*
     // Weight against the importance map's samples; a constant world is never light-sampled.
     if (context.emitter_summary.has_distant && !summary.world_is_constant) {
         gather3(paths.direction, lanes, n, s.wi);
-        light::pdf_background(*context.emitters, s.wi, n, s.pdf);
+        const bool links = context.emitter_summary.has_links;
+        for (int i = 0; links && i < n; ++i) s.chosen[i] = std::max(s.receiver[i], 0);
+        light::pdf_background(*context.emitters, s.wi, links ? s.chosen : nullptr, n, s.pdf);
         for (int i = 0; i < n; ++i) {
             const int32_t lane = lanes[i];
             if ((paths.flags[lane] & kPathDelta) || s.pdf[i] <= 0.0f) continue;
@@ -86,6 +90,7 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
     for (int begin = 0; begin < n; begin += kSpan) {
         const int32_t* span_lanes = lanes + begin;
         const int m = n - begin < kSpan ? n - begin : kSpan;
+        if (context.emitter_summary.has_links) path_receivers(paths, span_lanes, m, s.receiver);
         world_radiance(context, worker, span_lanes, m, s.rgb);
 
         if (context.layout->data_passes) {
@@ -122,7 +127,7 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
                 s.itmp[i] = ray_visibility(paths.flags[lane]);
                 s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
             }
-            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3);
+            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3, context.emitter_summary.has_links ? s.receiver : nullptr);
             for (int i = 0; i < m; ++i) store(s.rgb, i, load(s.rgb, i) + load(s.tmp3, i));
         }
         add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
@@ -172,8 +177,10 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
             }
             m = count;
             if (m == 0) break;
+            const bool links = context.emitter_summary.has_links;
+            if (links) path_receivers(paths, s.list, m, s.receiver);
             light::shade_lamps(*context.emitters, vertex, direction, s.chosen, s.pdf, s.list2, m, *context.programs, *context.shading, s.emitter, s.rgb,
-                               s.slot_pdf, s.sampled_flags);
+                               s.slot_pdf, s.sampled_flags, links ? s.receiver : nullptr);
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = s.list[i];
                 const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);

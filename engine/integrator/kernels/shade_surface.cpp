@@ -64,12 +64,16 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     const float* registers = s.registers + size_t(program.emission) * kSpan;
     const ConstColumns3 emitted{registers, registers + kSpan, registers + 2 * kSpan};
 
+    const bool links = context.emitter_summary.has_links;
+    if (links) path_receivers(paths, s.lane, span.n, s.receiver);
     int weighted = 0;  // lanes that light sampling might have found
     for (int i = 0; i < span.n; ++i) {
         const Rgb e = load(emitted, i);
         const bool dark = e.x == 0.0f && e.y == 0.0f && e.z == 0.0f;
         if (!dark && !(s.path_flags[i] & kPathDelta)) s.list[weighted++] = i;
         s.tmp[i] = 1.0f;
+        // Emitters that do not light what sent the ray are dark for it.
+        if (links && s.receiver[i] >= 0 && !((context.scene->objects[span.object[i]].linking.receivers >> s.receiver[i]) & 1)) s.tmp[i] = 0.0f;
     }
     if (weighted > 0) {
         for (int k = 0; k < weighted; ++k) {
@@ -84,10 +88,11 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
             store(s.slot_f, k, load(span.n_g, i) * side);
             s.chosen[k] = span.object[i];
             s.list2[k] = span.primitive[i];
+            s.itmp[k] = links ? s.receiver[i] : 0;
         }
-        light::pdf_triangles(*context.emitters, s.f, s.wi, s.tmp2, s.slot_f, s.chosen, s.list2, weighted, s.slot_pdf);
+        light::pdf_triangles(*context.emitters, s.f, s.wi, s.tmp2, s.slot_f, s.chosen, s.list2, links ? s.itmp : nullptr, weighted, s.slot_pdf);
         for (int k = 0; k < weighted; ++k) {
-            if (s.slot_pdf[k] > 0.0f) s.tmp[s.list[k]] = power_heuristic(paths.bsdf_pdf[s.lane[s.list[k]]], s.slot_pdf[k]);
+            if (s.slot_pdf[k] > 0.0f) s.tmp[s.list[k]] *= power_heuristic(paths.bsdf_pdf[s.lane[s.list[k]]], s.slot_pdf[k]);
         }
     }
 

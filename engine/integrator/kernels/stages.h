@@ -119,6 +119,14 @@ TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
     return transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
 }
 
+/// Receiver sets of the objects that sent the listed paths' rays, -1 of the camera's: for emitters that are linked.
+TALBOT_INLINE void path_receivers(const PathColumns& paths, const int32_t* lanes, int n, int32_t* receiver) {
+    for (int i = 0; i < n; ++i) {
+        const int32_t flags = paths.flags[lanes[i]];
+        receiver[i] = flags & shader::kRayCamera ? -1 : (flags >> kPathReceiverShift) & (scene::kReceiverSets - 1);
+    }
+}
+
 /// One pair of the sampler for each lane's vertex.
 TALBOT_INLINE void sample_pairs(const shader::ShadingSpan& span, Pair pair, Column u, Column v) {
     const uint32_t* __restrict key = span.key;

@@ -74,7 +74,7 @@ void trace_transparent(const RenderContext& context, Worker& worker) {
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
-        queue.visibility[k] = kShadowTransparent;
+        if (queue.visibility[k] == scene::kVisibleShadow) queue.visibility[k] = kShadowTransparent;
         queue.list[n] = k;
         n += !queue.blocked[k] && queue.t_max[k] > 0.0f;
     }
@@ -149,7 +149,8 @@ void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& 
     for (int k = 0; k < queue.n; ++k) {
         queue.blocked[k] = 0;
         queue.list[n] = k;
-        n += queue.t_max[k] > 0.0f;
+        // Blocker groups do not tell opaque casters from others: surface by surface then.
+        n += queue.t_max[k] > 0.0f && (queue.visibility[k] == scene::kVisibleShadow || !context.has_transparent_shadows);
     }
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, context.shadow_trace);

@@ -90,7 +90,7 @@ void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColu
 
 void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t, const int32_t* ray_flags,
                  int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
-                 const int32_t* bounce) {
+                 const int32_t* bounce, const int32_t* receiver) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) {
         store(radiance, i, {});
@@ -98,11 +98,12 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
     }
     for (int begin = 0; begin < n; begin += kSpan) {
         const int end = n < begin + kSpan ? n : begin + kSpan;
-        int32_t lane[kSpan], chosen[kSpan], emitter[kSpan], flags[kSpan], depth[kSpan];
+        int32_t lane[kSpan], chosen[kSpan], emitter[kSpan], flags[kSpan], depth[kSpan], set[kSpan];
         float o[3][kSpan], probability[kSpan], r[3][kSpan], p[3][kSpan], wo[3][kSpan], normal[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
         int count = 0;
         for (int i = begin; i < end; ++i) {
-            if (lamp_index[i] < 0) continue;
+            if (lamp_index[i] < 0 || (receiver && !is_lit(table.lamps[lamp_index[i]].receivers, receiver[i]))) continue;
+            set[count] = receiver && receiver[i] >= 0 ? receiver[i] : 0;
             lane[count] = i;
             chosen[count] = lamp_index[i];
             emitter[count] = table.lamps[lamp_index[i]].emitter;
@@ -112,7 +113,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
         if (count == 0) continue;
         gather3(origin, lane, count, {o[0], o[1], o[2]});
         gather(t, lane, count, distance);
-        choice_probability(table, {o[0], o[1], o[2]}, emitter, count, probability);
+        choice_probability(table, {o[0], o[1], o[2]}, receiver ? set : nullptr, emitter, count, probability);
         for (int j = 0; j < count; ++j) {
             const Lamp& lamp = table.lamps[chosen[j]];
             const Vec3 from{o[0][j], o[1][j], o[2][j]};
@@ -141,7 +142,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
             store({wo[0], wo[1], wo[2]}, j, -d);
             store({normal[0], normal[1], normal[2]}, j, facing);
             const float value = shape * probability[j];
-            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
+            pdf[lane[j]] = has_own_blockers(lamp.blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;
         }
         if (table.has_lamp_programs) {
             const LampPoints points{{p[0], p[1], p[2]}, {normal[0], normal[1], normal[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
@@ -151,14 +152,19 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
     }
 }
 
-void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance) {
+void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
+                const int32_t* receiver) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) store(radiance, i, {});
     for (int k = 0; k < table.sun_count; ++k) {
         const Sun sun = table.suns[k];
         if (sun.hit_visibility == 0 || sun.one_minus_cos == 0.0f) continue;
-        const float pdf = sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
+        const float pdf = has_own_blockers(sun.blockers) ? 1e30f : sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
         const float tangent = sun.tangent_profile ? 1.0f : 0.0f;
+        float scale[kSpan];  // of the density; negative where the sun does not shine on the receiver
+        fill(scale, n, 1.0f);
+        for (int i = 0; receiver && i < n; ++i)
+            scale[i] = !is_lit(sun.receivers, receiver[i]) ? -1.0f : receiver[i] < 0 ? 1.0f : table.distant_scale[receiver[i]];
         ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
         Column r = radiance.x, g = radiance.y, b = radiance.z;
         TALBOT_VECTOR_LOOP
@@ -166,8 +172,9 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             // 1 - cos from the difference of the directions: exact for small discs.
             const Vec3 apart{dx[i] - sun.direction.x, dy[i] - sun.direction.y, dz[i] - sun.direction.z};
             const float drop = 0.5f * dot(apart, apart);
-            const float seen = (visibility[i] & sun.hit_visibility) != 0 ? sun.one_minus_cos - drop : -1.0f;
-            const float own = bsdf_pdf[i], ratio = pdf / maxf(own, 1e-20f);
+            const float facing = (visibility[i] & sun.hit_visibility) != 0 ? sun.one_minus_cos - drop : -1.0f;
+            const float seen = minf(facing, scale[i]);
+            const float own = bsdf_pdf[i], ratio = pdf * scale[i] / maxf(own, 1e-20f);
             const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
             const float c = maxf(1.0f - drop, 1e-4f);
             const float f = seen >= 0.0f ? weight * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;

@@ -6,14 +6,14 @@ namespace talbot::light {
 inline namespace TALBOT_ISA {
 
 void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
-                   const int32_t* primitive, int n, float* pdf) {
+                   const int32_t* primitive, const int32_t* receiver, int n, float* pdf) {
     const EmitterView& table = table_.view;
     (void)direction;  // the triangle and the distance say it all
     (void)n_g;
     for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
     for (int begin = 0; begin < n; begin += kSpan) {
         const int end = n < begin + kSpan ? n : begin + kSpan;
-        int32_t lane[kSpan], emitter[kSpan], triangle[kSpan];
+        int32_t lane[kSpan], emitter[kSpan], triangle[kSpan], set[kSpan];
         int count = 0;
         for (int i = begin; i < end; ++i) {
             if (object[i] < 0 || object[i] >= table.object_count) continue;
@@ -28,7 +28,8 @@ void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumn
         if (count == 0) continue;
         float p[3][kSpan], probability[kSpan];
         gather3(origin, lane, count, {p[0], p[1], p[2]});
-        choice_probability(table, {p[0], p[1], p[2]}, emitter, count, probability);
+        if (receiver) gather(receiver, lane, count, set);
+        choice_probability(table, {p[0], p[1], p[2]}, receiver ? set : nullptr, emitter, count, probability);
         for (int j = 0; j < count; ++j) {
             const Vec3 o{p[0][j], p[1][j], p[2][j]};
             const float distance = t[lane[j]];
@@ -45,19 +46,19 @@ void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumn
                 shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * own.probability;
             }
             const float value = shape * probability[j];
-            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
+            pdf[lane[j]] = has_own_blockers(table.meshes[e.mesh].blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;
         }
     }
 }
 
-void pdf_background(const EmitterTable& table, ConstColumns3 direction, int n, float* pdf) {
+void pdf_background(const EmitterTable& table, ConstColumns3 direction, const int32_t* receiver, int n, float* pdf) {
     const WorldMap& map = table.view.world;
     if (map.probability == 0.0f) {
         for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
         return;
     }
     pdf_world(map, direction, n, pdf);
-    for (int i = 0; i < n; ++i) pdf[i] *= map.probability;
+    for (int i = 0; i < n; ++i) pdf[i] *= map.probability * (receiver ? table.view.distant_scale[receiver[i]] : 1.0f);
 }
 
 }  // namespace TALBOT_ISA

@@ -13,7 +13,7 @@ void clear(const LightQuery& query, const LightSamples& out) {
         out.distance[i] = 0.0f;
         out.pdf[i] = 0.0f;
         out.is_delta[i] = 0;
-        out.casts_shadow[i] = 1;
+        out.blockers[i] = scene::kVisibleShadow;
         out.visibility[i] = 0;
     }
 }
@@ -31,7 +31,7 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
                   LightScratch& scratch, const LightSamples& out) {
     int32_t emitter[kSpan];
     float probability[kSpan];
-    choose_emitters(table, query.p, query.pick_u, query.n, {emitter, probability});
+    choose_emitters(table, query.p, query.receiver, query.pick_u, query.n, {emitter, probability});
 
     LocalGroup group;
     LocalSampled found;
@@ -106,10 +106,11 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         put(found.distance, out.distance);
         put(found.pdf, out.pdf);
         put(found.visibility, out.visibility);
-        put(found.casts_shadow, out.casts_shadow);
+        put(found.blockers, out.blockers);
         const uint8_t is_delta = kind == EmitterKind::Point;
         for (int i = 0; i < n; ++i)
-            out.is_delta[group.lane[i]] = is_delta || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
+            out.is_delta[group.lane[i]] =
+                is_delta || has_own_blockers(found.blockers[i]) || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
     }
 }
 
@@ -133,8 +134,8 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         store(out.radiance, i, s.power * profile);
         out.distance[i] = infinite;
         out.pdf[i] = query.bounce[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
-        out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility);
-        out.casts_shadow[i] = uint8_t(s.casts_shadow);
+        out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility) || has_own_blockers(s.blockers);
+        out.blockers[i] = s.blockers;
         out.visibility[i] = s.visibility;
         store({wo[0], wo[1], wo[2]}, i, -wi);
         u[i] = 0.5f + 0.5f * radius * cp / edge;
@@ -154,11 +155,16 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
     float probability[kSpan];
     int worlds = 0;
     for (int i = 0; i < n; ++i) {
+        const int32_t receiver = query.receiver ? query.receiver[i] : -1;
+        const float scale = query.receiver ? table.distant_scale[receiver] : 1.0f;
         float u = query.pick_u[i];
+        int last = -1;  // that lights the point
         sun[i] = -1;
-        probability[i] = table.world.probability;
+        probability[i] = table.world.probability * scale;
         for (int s = 0; s < table.sun_count; ++s) {
-            const float p = table.suns[s].probability;
+            if (!is_lit(table.suns[s].receivers, receiver)) continue;
+            const float p = table.suns[s].probability * scale;
+            last = s;
             if (u < p) {
                 sun[i] = s;
                 probability[i] = p;
@@ -167,9 +173,9 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
             u -= p;
         }
         // Rounding may leave a crumb beyond the last one.
-        if (sun[i] < 0 && table.world.probability == 0.0f && table.sun_count > 0) {
-            sun[i] = table.sun_count - 1;
-            probability[i] = table.suns[sun[i]].probability;
+        if (sun[i] < 0 && table.world.probability == 0.0f && last >= 0) {
+            sun[i] = last;
+            probability[i] = table.suns[last].probability * scale;
         }
         world_lane[worlds] = i;
         worlds += sun[i] < 0;
@@ -191,7 +197,7 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
         store(out.wi, lane, {x[i], y[i], z[i]});
         store(out.radiance, lane, radiance);
         out.distance[lane] = as_float(0x7f800000);
-        out.pdf[lane] = pdf[i] * table.world.probability;
+        out.pdf[lane] = pdf[i] * probability[lane];
         out.visibility[lane] = table.world_visibility;
     }
 }

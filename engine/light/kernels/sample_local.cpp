@@ -11,7 +11,7 @@ TALBOT_INLINE void describe_lamps(const EmitterView& table, const LocalGroup& in
         out.lamp[i] = index;
         out.object[i] = -1;
         out.visibility[i] = lamp.visibility;
-        out.casts_shadow[i] = uint8_t(lamp.casts_shadow);
+        out.blockers[i] = lamp.blockers;
         out.max_bounces[i] = lamp.max_bounces;
     }
 }
@@ -94,7 +94,7 @@ void sample_rects(const EmitterView& table, const shader::Programs& programs, co
             gain[i] = lamp.gain;
             out.object[i] = -1;
             out.visibility[i] = lamp.visibility;
-            out.casts_shadow[i] = uint8_t(lamp.casts_shadow);
+            out.blockers[i] = lamp.blockers;
             out.max_bounces[i] = lamp.max_bounces;
         } else {
             const MeshEmitter& mesh = table.meshes[emitter.mesh];
@@ -103,7 +103,7 @@ void sample_rects(const EmitterView& table, const shader::Programs& programs, co
             gain[i] = 1.0f;
             out.object[i] = mesh.object;
             out.visibility[i] = mesh.visibility;
-            out.casts_shadow[i] = 1;
+            out.blockers[i] = mesh.blockers;
             out.max_bounces[i] = INT32_MAX;
         }
     }
@@ -162,7 +162,7 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
         out.lamp[i] = -1;
         out.object[i] = mesh.object;
         out.visibility[i] = mesh.visibility;
-        out.casts_shadow[i] = 1;
+        out.blockers[i] = mesh.blockers;
         out.max_bounces[i] = INT32_MAX;
     }
     TALBOT_VECTOR_LOOP

@@ -23,7 +23,7 @@ struct LocalSampled {
     float distance[kSpan], pdf[kSpan];
     float r[kSpan], g[kSpan], b[kSpan];
     int32_t visibility[kSpan], object[kSpan], max_bounces[kSpan];
-    uint8_t casts_shadow[kSpan];
+    int32_t blockers[kSpan];
     int32_t lamp[kSpan];                    ///< -1: mesh
     float nx[kSpan], ny[kSpan], nz[kSpan];  ///< lamp programs only
     float coordinate_u[kSpan], coordinate_v[kSpan];

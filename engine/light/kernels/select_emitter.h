@@ -86,9 +86,24 @@ TALBOT_INLINE void weigh_emitter(const Reach& reach, ConstColumns3 p, int n, flo
     }
 }
 
-/// One emitter a lane. `u` in [0, 1).
-TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, const float* pick, int n, Choice out) {
-    if (table.emitter_count == 1) {
+/// The same for emitter `e` of the table; 0 where it does not light the lane's receiver (null: it does).
+TALBOT_INLINE void weigh_linked(const EmitterView& table, int e, ConstColumns3 p, const int32_t* __restrict receiver, int n, float* __restrict weight,
+                                float* __restrict sum) {
+    const uint64_t receivers = receiver && table.receivers ? table.receivers[e] : scene::Linking{}.receivers;
+    if (receivers == scene::Linking{}.receivers) return weigh_emitter(table.reach[e], p, n, weight, sum);
+    float all[kSpan];
+    fill(all, n, 0.0f);
+    weigh_emitter(table.reach[e], p, n, weight, all);
+    for (int i = 0; i < n; ++i) {
+        weight[i] = is_lit(receivers, receiver[i]) ? weight[i] : 0.0f;
+        sum[i] += weight[i];
+    }
+}
+
+/// One emitter a lane. `u` in [0, 1). `receiver`: see LightQuery.
+TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, const int32_t* receiver, const float* pick, int n, Choice out) {
+    const bool linked = receiver && table.receivers;
+    if (table.emitter_count == 1 && !linked) {
         for (int i = 0; i < n; ++i) out.emitter[i] = 0;
         for (int i = 0; i < n; ++i) out.probability[i] = 1.0f;
         return;
@@ -98,7 +113,7 @@ TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, co
             const float scaled = pick[i] * float(table.emitter_count);
             const int32_t k = int32_t(minf(scaled, float(table.emitter_count - 1)));
             const int32_t chosen = scaled - float(k) < table.alias[k].accept ? k : table.alias[k].alias;
-            out.emitter[i] = chosen;
+            out.emitter[i] = !linked || is_lit(table.receivers[chosen], receiver[i]) ? chosen : -1;
             out.probability[i] = table.alias[chosen].probability;
         }
         return;
@@ -106,7 +121,7 @@ TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, co
     float sum[kSpan], below[kSpan], threshold[kSpan];
     float weight[kScannedEmitters][kSpan];
     fill(sum, n, 0.0f);
-    for (int e = 0; e < table.emitter_count; ++e) weigh_emitter(table.reach[e], p, n, weight[e], sum);
+    for (int e = 0; e < table.emitter_count; ++e) weigh_linked(table, e, p, receiver, n, weight[e], sum);
     for (int i = 0; i < n; ++i) {
         below[i] = 0.0f;
         threshold[i] = pick[i] * sum[i];
@@ -130,8 +145,9 @@ TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, co
 }
 
 /// Probability with which choose_emitters picks `emitter[i]` (>= 0) at p. n <= kSpan.
-TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p, const int32_t* emitter, int n, float* __restrict probability) {
-    if (table.emitter_count == 1) {
+TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p, const int32_t* receiver, const int32_t* emitter, int n,
+                                      float* __restrict probability) {
+    if (table.emitter_count == 1 && !(receiver && table.receivers)) {
         for (int i = 0; i < n; ++i) probability[i] = 1.0f;
         return;
     }
@@ -143,7 +159,7 @@ TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p,
     fill(sum, n, 0.0f);
     fill(probability, n, 0.0f);
     for (int e = 0; e < table.emitter_count; ++e) {
-        weigh_emitter(table.reach[e], p, n, weight, sum);
+        weigh_linked(table, e, p, receiver, n, weight, sum);
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) probability[i] = emitter[i] == e ? weight[i] : probability[i];
     }

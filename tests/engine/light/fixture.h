@@ -92,21 +92,21 @@ inline Affine look_at(Vec3 at, Vec3 target) {
 /// One span of samples at a point.
 struct Samples {
     float wx[kSpan], wy[kSpan], wz[kSpan], distance[kSpan], r[kSpan], g[kSpan], b[kSpan], pdf[kSpan];
-    uint8_t is_delta[kSpan], casts_shadow[kSpan];
-    int32_t visibility[kSpan];
-    LightSamples out() { return {{wx, wy, wz}, distance, {r, g, b}, pdf, is_delta, casts_shadow, visibility}; }
+    uint8_t is_delta[kSpan];
+    int32_t blockers[kSpan], visibility[kSpan];
+    LightSamples out() { return {{wx, wy, wz}, distance, {r, g, b}, pdf, is_delta, blockers, visibility}; }
     Vec3 wi(int i) const { return {wx[i], wy[i], wz[i]}; }
     Rgb radiance(int i) const { return {r[i], g[i], b[i]}; }
 };
 
 /// Calls use(samples, n) for `count` samples at p; stratified pairs, or independent ones (`random`) for statistics.
 inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const std::function<void(const Samples&, int)>& use, uint32_t seed = 1,
-                        bool random = false, int bounce = 0) {
+                        bool random = false, int bounce = 0, int receiver = -1) {
     std::mt19937 engine(seed);
     for (int begin = 0; begin < count; begin += kSpan) {
         const int n = std::min(kSpan, count - begin);
         float x[kSpan], y[kSpan], z[kSpan], a[kSpan], b[kSpan], u[kSpan], v[kSpan];
-        int32_t bounces[kSpan];
+        int32_t bounces[kSpan], receivers[kSpan];
         for (int i = 0; i < n; ++i) {
             x[i] = p.x;
             y[i] = p.y;
@@ -117,6 +117,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
             u[i] = random ? unit_float(engine()) : place.x;
             v[i] = random ? unit_float(engine()) : place.y;
             bounces[i] = bounce;
+            receivers[i] = receiver;
         }
         LightQuery query;
         query.p = {x, y, z};
@@ -126,6 +127,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
         query.u = u;
         query.v = v;
         query.bounce = bounces;
+        if (receiver >= 0) query.receiver = receivers;
         query.n = n;
         static thread_local Samples samples;
         sample_emitters(*f.table, stratum, query, f.programs, f.context, f.scratch, samples.out());
@@ -134,7 +136,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
 }
 
 /// Irradiance at p on a surface with normal n, by light samples. Red channel.
-inline double irradiance(Fixture& f, Stratum stratum, Vec3 p, Vec3 n, int count = 1 << 15, uint32_t seed = 1) {
+inline double irradiance(Fixture& f, Stratum stratum, Vec3 p, Vec3 n, int count = 1 << 15, uint32_t seed = 1, int receiver = -1) {
     double sum = 0;
     sample_many(
         f, stratum, p, count,
@@ -143,7 +145,7 @@ inline double irradiance(Fixture& f, Stratum stratum, Vec3 p, Vec3 n, int count 
                 if (s.pdf[i] > 0) sum += double(s.r[i]) * double(std::max(dot(s.wi(i), n), 0.0f)) / double(s.pdf[i]);
             }
         },
-        seed);
+        seed, false, 0, receiver);
     return sum / count;
 }
 
@@ -185,7 +187,7 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
         const int32_t shader = f.scene.material_sets[size_t(f.scene.objects[size_t(object)].material_set)][0];
         met.radiance = double(f.programs.shaders[size_t(shader)].constant_emission.x);
         float pdf = 0, g[3] = {normal.x, normal.y, normal.z};
-        pdf_triangles(*f.table, origin, direction, &best, {g, g + 1, g + 2}, &object, &primitive, 1, &pdf);
+        pdf_triangles(*f.table, origin, direction, &best, {g, g + 1, g + 2}, &object, &primitive, nullptr, 1, &pdf);
         met.pdf = double(pdf);
         met.distance = double(best);
     } else if (lamp >= 0) {

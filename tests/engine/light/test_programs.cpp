@@ -81,7 +81,7 @@ TEST(Programs, SunsAndWorlds) {
     sample_many(sky, Stratum::Distant, {}, 512, [&](const Samples& s, int n) {
         for (int i = 0; i < n; ++i) {
             float w[3] = {s.wx[i], s.wy[i], s.wz[i]}, pdf = 0;
-            pdf_background(*sky.table, {w, w + 1, w + 2}, 1, &pdf);
+            pdf_background(*sky.table, {w, w + 1, w + 2}, nullptr, 1, &pdf);
             EXPECT_NEAR(pdf, s.pdf[i], 0.1f * s.pdf[i]) << "a neighbouring cell at most";
         }
     });
@@ -110,7 +110,7 @@ TEST(Programs, SkyWithSun) {
             hits += inside;
             if (!(s.pdf[i] > 0)) continue;
             float w[3] = {s.wx[i], s.wy[i], s.wz[i]}, pdf = 0;
-            pdf_background(*sky.table, {w, w + 1, w + 2}, 1, &pdf);
+            pdf_background(*sky.table, {w, w + 1, w + 2}, nullptr, 1, &pdf);
             if (inside) {
                 EXPECT_NEAR(pdf, s.pdf[i], 1e-3f * s.pdf[i]);
             }

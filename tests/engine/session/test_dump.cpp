@@ -86,6 +86,9 @@ Scene make_scene() {
     object.color[2] = 0.5f;
     object.dupli_generated = {1, 2, 3};
     object.dupli_uv = {4, 5};
+    object.linking = 0;
+    object.receiver_set = 63;
+    scene.linkings = {{5, kBlocker << 16}};
     object.is_instance = object.is_holdout = object.is_shadow_catcher = true;
     object.shadow_terminator_shading_offset = 0.3f;
     object.shadow_terminator_geometry_offset = 0.4f;
@@ -109,6 +112,8 @@ Scene make_scene() {
     light.max_bounces = 5;
     light.light_group = 2;
     light.random = 9;
+    light.linking = {6, kBlocker};
+    light.is_shadow_catcher = false;
     scene.lights = {light};
 
     Shader shader;
@@ -200,6 +205,12 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_TRUE(loaded.objects[0].is_shadow_catcher);
     EXPECT_EQ(loaded.objects[0].shadow_terminator_geometry_offset, 0.4f);
     EXPECT_EQ(loaded.lights[0].random, 9u);
+    EXPECT_EQ(loaded.lights[0].linking.receivers, 6u);
+    EXPECT_EQ(loaded.lights[0].linking.blockers, uint32_t(kBlocker));
+    EXPECT_FALSE(loaded.lights[0].is_shadow_catcher);
+    EXPECT_EQ(loaded.objects[0].linking, 0);
+    EXPECT_EQ(loaded.objects[0].receiver_set, 63);
+    EXPECT_EQ(loaded.linkings[0].receivers, 5u);
     EXPECT_EQ(std::get<std::string>(loaded.shaders[0].graph.nodes[1].properties.at("distribution")), "GGX");
     EXPECT_EQ(std::get<std::vector<float>>(loaded.shaders[0].graph.nodes[1].properties.at("ramp")).size(), 3u);
     EXPECT_EQ(loaded.shaders[0].graph.nodes[0].inputs[1].from_output, "Normal");
@@ -218,19 +229,20 @@ TEST(Dump, RoundTripKeepsEveryByte) {
 TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
     EXPECT_EQ(sizeof(Mesh), 504u);
-    EXPECT_EQ(sizeof(Object), 128u);
+    EXPECT_EQ(sizeof(Object), 132u);
+    EXPECT_EQ(sizeof(Linking), 16u);
     EXPECT_EQ(sizeof(Motion), 104u);
     EXPECT_EQ(sizeof(NodeInput), 96u);
     EXPECT_EQ(sizeof(NodeOutput), 56u);
     EXPECT_EQ(sizeof(Node), 160u);
     EXPECT_EQ(sizeof(ShaderGraph), 64u);
     EXPECT_EQ(sizeof(Shader), 112u);
-    EXPECT_EQ(sizeof(Light), 168u);
+    EXPECT_EQ(sizeof(Light), 192u);
     EXPECT_EQ(sizeof(World), 24u);
     EXPECT_EQ(sizeof(Camera), 168u);
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
-    EXPECT_EQ(sizeof(Scene), 816u);
+    EXPECT_EQ(sizeof(Scene), 840u);
 }
 #endif
 

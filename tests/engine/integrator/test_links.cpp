@@ -1,0 +1,156 @@
+/// Light and shadow linking in whole renders: what lights what, in closed form, for light samples and for rays that find the emitter.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "session/session.h"
+#include "support/scenes.h"
+
+namespace talbot {
+namespace {
+
+constexpr float kAlbedo = 0.8f;
+
+/// Two floors, left and right of x = 0, seen from 2 m above; each pixel of the 2 x 1 picture shows a square metre of one.
+scene::Scene two_floors(int bounces) {
+    scene::Scene scene;
+    tests::plain_settings(scene, 2, 1, 4096);
+    scene.settings.version = 500;
+    scene.settings.max_bounces = scene.settings.diffuse_bounces = bounces;
+    scene.camera.type = scene::CameraType::Orthographic;
+    scene.camera.to_world.m[2][3] = 2;
+    scene.camera.view[0] = -1, scene.camera.view[1] = 1, scene.camera.view[2] = -0.5f, scene.camera.view[3] = 0.5f;
+    const scene::Handle grey = tests::add_shader(scene, tests::one_node("BsdfDiffuse", {kAlbedo, kAlbedo, kAlbedo}));
+    tests::add_object(scene, tests::add_quads(scene, {{-2, -2, 0}, {0, -2, 0}, {0, 2, 0}, {-2, 2, 0}}), grey);
+    tests::add_object(scene, tests::add_quads(scene, {{0, -2, 0}, {2, -2, 0}, {2, 2, 0}, {0, 2, 0}}), grey);
+    scene.objects[1].receiver_set = 1;
+    return scene;
+}
+
+scene::Light sun(float power, float angle) {
+    scene::Light light;
+    light.type = scene::LightType::Sun;
+    light.power = power;
+    light.sun_angle = angle;
+    return light;
+}
+
+/// Shines downwards on both floors alike.
+scene::Light panel(float power, bool use_mis = true) {
+    scene::Light light;
+    light.type = scene::LightType::Area;
+    light.power = power;
+    light.size_x = 1;
+    light.to_world.m[2][3] = 1.5f;
+    light.use_mis = use_mis;
+    return light;
+}
+
+struct Floors {
+    double left = 0, right = 0;
+};
+Floors render(scene::Scene scene) {
+    scene.settings.threads = 1;
+    Session session;
+    session.edit() = std::move(scene);
+    session.start();
+    while (!session.wait(1000)) {
+    }
+    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
+    std::vector<float> pixels;
+    EXPECT_TRUE(session.read_pass(scene::PassKind::Combined, pixels));
+    return {double(pixels[0]), double(pixels[4])};
+}
+
+TEST(Links, SunsLightTheirReceiversOnly) {
+    for (float angle : {0.0f, 0.5f}) {
+        scene::Scene scene = two_floors(0);
+        scene.lights = {sun(1, angle), sun(2, angle), sun(4, angle)};
+        scene.lights[0].linking.receivers = 1;
+        scene.lights[1].linking.receivers = 2;
+        const Floors floors = render(scene);
+        EXPECT_NEAR(floors.left, 5 * double(kAlbedo) / M_PI, 0.005);
+        EXPECT_NEAR(floors.right, 6 * double(kAlbedo) / M_PI, 0.005);
+    }
+}
+
+TEST(Links, AFloorThatNothingLightsIsBlack) {
+    scene::Scene scene = two_floors(2);
+    scene.lights = {sun(1, 0.5f), panel(10)};
+    for (scene::Light& light : scene.lights) light.linking.receivers = 1;
+    const Floors floors = render(scene);
+    EXPECT_GT(floors.left, 0.1);
+    EXPECT_EQ(floors.right, 0);
+}
+
+/// The sums of linked lamps are those of one lamp alone on each side, whichever way light is found.
+TEST(Links, LampsAndMeshesAreAsIfAlone) {
+    const auto glow = [](scene::Scene& scene, float strength, float y, uint64_t receivers) {
+        const scene::Handle shader = tests::add_shader(scene, tests::one_node("Emission", {strength, strength, strength}));
+        // Faces down; two triangles that are no rectangle.
+        tests::add_object(scene, tests::add_quads(scene, {{-0.5f, y - 0.3f, 0.8f}, {-0.5f, y + 0.4f, 0.8f}, {0.5f, y + 0.2f, 0.8f}, {0.5f, y - 0.3f, 0.8f}}),
+                          shader);
+        scene.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera | scene::kVisibleShadow);
+        scene.objects.back().linking = scene::Handle(scene.linkings.size());
+        scene.linkings.push_back({receivers, scene::kVisibleShadow});
+    };
+    for (const bool sampled : {true, false}) {
+        scene::Scene left = two_floors(1), right = two_floors(1), both = two_floors(1);
+        for (scene::Scene* scene : {&left, &right, &both}) scene->settings.use_emission_sampling = sampled;
+        glow(left, 3, -0.5f, ~uint64_t(0));
+        glow(right, 5, 0.5f, ~uint64_t(0));
+        glow(both, 3, -0.5f, 1);
+        glow(both, 5, 0.5f, 2);
+        left.lights = {panel(3, false)};  // the meshes are in the way of rays
+
+        right.lights = {panel(7, false)};
+        both.lights = {panel(3, false), panel(7, false)};
+        both.lights[0].linking.receivers = 1;
+        both.lights[1].linking.receivers = 2;
+        const Floors linked = render(both);
+        EXPECT_NEAR(linked.left / render(left).left, 1, 0.02) << sampled;
+        EXPECT_NEAR(linked.right / render(right).right, 1, 0.02) << sampled;
+    }
+}
+
+/// A roof between lamp and floors casts a shadow only for lamps that it blocks.
+TEST(Links, ShadowsOfChosenBlockersOnly) {
+    for (const bool glass : {false, true}) {
+        scene::Scene open = two_floors(1);
+        open.lights = {panel(5)};
+        scene::Scene covered = open;
+        const scene::Handle roof =
+            tests::add_shader(covered, glass ? tests::one_node("BsdfTransparent", {0.25f, 0.25f, 0.25f}) : tests::one_node("BsdfDiffuse", {}));
+        tests::add_object(covered, tests::add_quads(covered, {{-2, -2, 1}, {2, -2, 1}, {2, 2, 1}, {-2, 2, 1}}), roof);
+        covered.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+        const double whole = render(open).left, part = glass ? 0.25 : 0.0;
+        EXPECT_NEAR(render(covered).left, part * whole, 0.01 * whole) << glass;
+
+        scene::Scene linked = covered;
+        linked.lights[0].linking.blockers = scene::kBlocker << 3;
+        EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "none of the objects blocks";
+        linked.objects.back().visibility |= scene::kBlocker << 2;
+        EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "another group";
+        linked.objects.back().visibility |= scene::kBlocker << 3;
+        EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
+    }
+}
+
+TEST(Links, EmissiveMeshesHaveBlockersToo) {
+    scene::Scene open = two_floors(1);
+    const scene::Handle shader = tests::add_shader(open, tests::one_node("Emission", {3, 3, 3}));
+    tests::add_object(open, tests::add_quads(open, {{-0.5f, -0.5f, 1.5f}, {-0.5f, 0.5f, 1.5f}, {0.5f, 0.5f, 1.5f}, {0.5f, -0.5f, 1.5f}}), shader);
+    open.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+    scene::Scene linked = open;
+    const scene::Handle roof = tests::add_shader(linked, tests::one_node("BsdfDiffuse", {0, 0, 0}));
+    tests::add_object(linked, tests::add_quads(linked, {{-2, -2, 1}, {2, -2, 1}, {2, 2, 1}, {-2, 2, 1}}), roof);
+    linked.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+    EXPECT_EQ(render(linked).left, 0);
+    linked.objects[2].linking = 0;
+    linked.linkings = {{~uint64_t(0), scene::kBlocker}};
+    EXPECT_NEAR(render(linked).left / render(open).left, 1, 0.02);
+}
+
+}  // namespace
+}  // namespace talbot
