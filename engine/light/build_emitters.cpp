@@ -9,33 +9,6 @@ void EmitterTableDelete::operator()(EmitterTable* table) const {
     delete table;
 }
 
-std::vector<AliasEntry> make_alias(const std::vector<double>& weights) {
-    const size_t n = weights.size();
-    double total = 0;
-    for (double w : weights) total += w;
-    std::vector<AliasEntry> table(n);
-    std::vector<double> scaled(n);
-    std::vector<size_t> small, large;
-    for (size_t i = 0; i < n; ++i) {
-        const double p = total > 0 ? weights[i] / total : 1.0 / double(n);
-        table[i] = {float(p), 1.0f, int32_t(i)};
-        scaled[i] = p * double(n);
-        (scaled[i] < 1 ? small : large).push_back(i);
-    }
-    while (!small.empty() && !large.empty()) {
-        const size_t s = small.back(), l = large.back();
-        small.pop_back();
-        table[s].accept = float(scaled[s]);
-        table[s].alias = int32_t(l);
-        scaled[l] -= 1.0 - scaled[s];
-        if (scaled[l] < 1) {
-            large.pop_back();
-            small.push_back(l);
-        }
-    }
-    return table;
-}
-
 namespace {
 
 /// Some emitter does not light everything: lamps, suns, and objects whether they are sampled or not.
@@ -43,6 +16,28 @@ bool has_links(const scene::Scene& scene) {
     const auto links = [](const scene::Linking& linking) { return linking.receivers != scene::Linking{}.receivers; };
     return std::any_of(scene.linkings.begin(), scene.linkings.end(), links) ||
            std::any_of(scene.lights.begin(), scene.lights.end(), [&](const scene::Light& light) { return links(light.linking); });
+}
+
+TreeItem tree_item(const Reach& reach, uint64_t receivers) {
+    TreeItem item;
+    item.center = reach.center;
+    item.radius = reach.radius;
+    item.strength = std::min(reach.strength * reach.gain, 1e28f);
+    item.receivers = receivers;
+    if (reach.kind == ReachKind::Isotropic) return item;
+    item.axis = reach.axis;
+    item.two_sided = reach.two_sided > 0;
+    item.cos_normals = reach.cos_normals;
+    item.cos_limit = std::max(reach.cos_limit, 0.0f);
+    if (reach.kind != ReachKind::Spot) return item;
+    // The cone's frame need not be orthonormal: a squeezed spot shines anywhere, as far as the tree knows.
+    const ConeFrame& cone = reach.cone;
+    const float x = length(cone.x), y = length(cone.y), z = length(cone.z),
+                skew = std::abs(dot(cone.x, cone.y)) + std::abs(dot(cone.y, cone.z)) + std::abs(dot(cone.z, cone.x));
+    const bool even = std::abs(x - z) < 1e-3f * z && std::abs(y - z) < 1e-3f * z && skew < 1e-3f * z * z;
+    item.axis = cone.z * (-1 / std::max(z, 1e-30f));
+    item.cos_normals = even ? 1.0f : -1.0f;
+    return item;
 }
 
 /// The distant stratum holds at most a few suns and the world: each is chosen by its irradiance on a surface that faces it.
@@ -84,11 +79,12 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
 
     EmitterView& view = table->view;
     if (table->emitters.size() > size_t(kScannedEmitters)) {
-        std::vector<double> weights;
-        for (const Reach& reach : table->reach) weights.push_back(double(reach.strength));
-        table->alias = make_alias(weights);
-        view.alias = table->alias.data();
+        std::vector<TreeItem> items;
+        for (size_t i = 0; i < table->reach.size(); ++i) items.push_back(tree_item(table->reach[i], table->receivers[i]));
+        view.root = add_tree(items, *table, table->emitter_leaf);
+        view.emitter_leaf = table->emitter_leaf.data();
     }
+    view.nodes = table->nodes.data();
     for (const Emitter& emitter : table->emitters) view.has_kind[emitter.kind] = true;
     for (size_t i = 0; i < table->lamps.size(); ++i) {
         const Lamp& lamp = table->lamps[i];

@@ -13,7 +13,7 @@ constexpr int kExactTriangles = 4096;
 
 /// A range of light triangles that instances share.
 struct TriangleSet {
-    int32_t first = 0, count = 0, map = 0;
+    int32_t first = 0, count = 0, map = 0, root = -1;
     double weight = 0;  ///< area (object space) times mean emission
     Vec3 low, high;     ///< box, object space
     int32_t sides = 0;  ///< of all triangles together
@@ -44,13 +44,26 @@ Vec3 max3(Vec3 a, Vec3 b) {
     return {maxf(a.x, b.x), maxf(a.y, b.y), maxf(a.z, b.z)};
 }
 
+/// In the mesh's space, where the front is the side of the cross product.
+TreeItem tree_item(const LightTriangle& t, double area, const EmissiveShader& shader) {
+    TreeItem item;
+    const Vec3 low = min3(min3(t.a, t.b), t.c), high = max3(max3(t.a, t.b), t.c);
+    item.center = (low + high) * 0.5f;
+    for (Vec3 p : {t.a, t.b, t.c}) item.radius = std::max(item.radius, length(p - item.center));
+    item.axis = normalize(cross(t.b - t.a, t.c - t.a)) * (t.sides == 2 ? -1.0f : 1.0f);
+    item.strength = float(std::clamp(area * double(shader.estimate), 1e-30, 1e28));
+    item.cos_normals = 1;
+    item.two_sided = t.sides == 3;
+    return item;
+}
+
 TriangleSet add_triangles(const scene::MeshView& mesh, const int32_t* slots, int slot_count, const std::vector<EmissiveShader>& emissive, EmitterTable& table) {
     TriangleSet set;
     set.first = int32_t(table.triangles.size());
     set.low = vec3(1e30f);
     set.high = vec3(-1e30f);
-    std::vector<double> weights;
-    std::vector<int32_t> map(mesh.triangle_count, -1);
+    std::vector<TreeItem> items;
+    std::vector<int32_t> leaves, map(mesh.triangle_count, -1);
     for (uint32_t k = 0; k < mesh.triangle_count; ++k) {
         const int slot = mesh.triangle_materials ? std::min(int(mesh.triangle_materials[k]), slot_count - 1) : 0;
         const int32_t shader = slots[slot];
@@ -65,9 +78,9 @@ TriangleSet add_triangles(const scene::MeshView& mesh, const int32_t* slots, int
         triangle.sides = own.sides;
         const double area = 0.5 * double(length(cross(triangle.b - triangle.a, triangle.c - triangle.a)));
         if (!(area > 0) || !std::isfinite(area)) continue;
-        map[k] = int32_t(weights.size());
-        weights.push_back(area * double(own.estimate));
-        set.weight += weights.back();
+        map[k] = int32_t(items.size());
+        items.push_back(tree_item(triangle, area, own));
+        set.weight += area * double(own.estimate);
         set.sides |= own.sides;
         for (Vec3 p : {triangle.a, triangle.b, triangle.c}) {
             set.low = min3(set.low, p);
@@ -75,17 +88,12 @@ TriangleSet add_triangles(const scene::MeshView& mesh, const int32_t* slots, int
         }
         table.triangles.push_back(triangle);
     }
-    set.count = int32_t(weights.size());
+    set.count = int32_t(items.size());
     if (set.count == 0) return set;
     set.map = int32_t(table.primitive_to_triangle.size());
     for (int32_t k : map) table.primitive_to_triangle.push_back(k < 0 ? -1 : set.first + k);
-    const std::vector<AliasEntry> alias = make_alias(weights);
-    for (int32_t k = 0; k < set.count; ++k) {
-        LightTriangle& triangle = table.triangles[size_t(set.first + k)];
-        triangle.probability = alias[size_t(k)].probability;
-        triangle.accept = alias[size_t(k)].accept;
-        triangle.alias = set.first + alias[size_t(k)].alias;
-    }
+    set.root = add_tree(items, table, leaves);
+    for (int32_t k = 0; k < set.count; ++k) table.triangles[size_t(set.first + k)].leaf = leaves[size_t(k)];
     return set;
 }
 
@@ -95,6 +103,15 @@ Vec3 front_normal(const LightTriangle& t, const Affine& to_world, float sign, do
     const Vec3 n = cross(e1, e2);
     area = 0.5 * double(length(n));
     return normalize(n) * sign;
+}
+
+TreeSpace tree_space(const Affine& m) {
+    const auto column = [&](int c) { return Vec3{m.m[0][c], m.m[1][c], m.m[2][c]}; };
+    const Vec3 x = column(0), y = column(1), z = column(2);
+    const float s = max_component({length(x), length(y), length(z)}), skew = std::abs(dot(x, y)) + std::abs(dot(y, z)) + std::abs(dot(z, x));
+    if (!(std::abs(double(determinant(m))) > 1e-9 * double(s) * double(s) * double(s))) return TreeSpace::Flat;
+    const bool even = std::min({length(x), length(y), length(z)}) > 0.999f * s && skew < 1e-3f * s * s;
+    return even ? TreeSpace::KeepsAngles : TreeSpace::Bent;
 }
 
 void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector<EmissiveShader>& emissive, const EmitterTable& table, Reach& reach) {
@@ -210,6 +227,9 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         emitter.to_world = object.to_world;
         emitter.first = set.first;
         emitter.count = set.count;
+        emitter.root = set.root;
+        emitter.to_object = object.to_object;
+        emitter.space = tree_space(object.to_world);
         emitter.map = set.map;
         emitter.object = i;
         emitter.visibility = int32_t(object.visibility);

@@ -1,8 +1,8 @@
 /// The layout behind `EmitterTable`: plain columns that kernels read and vectors that own them.
 ///
 /// Local emitters are one list; each entry has a kind, a bound of what it can send where (`Reach`) and an index into the table of its kind.
-/// Choosing one of up to kScannedEmitters weighs every entry's `Reach` at the lane's position; longer lists are chosen by power alone. A
-/// tree over the same `Reach` records can replace both: only kernels/select_emitter.h knows how the choice is made.
+/// Choosing one of up to kScannedEmitters weighs every entry's `Reach` at the lane's position; longer lists have a light tree. The triangles of an emissive
+/// mesh always have one, in the mesh's space, that its instances share. Only kernels/select_emitter.h knows how the choice is made.
 ///
 /// World space, metres. Radiance and intensity are per channel in the working space.
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace talbot::light {
 
-/// More local emitters than this are chosen by power alone, not by their estimate at the point.
+/// More local emitters than this are chosen by a tree.
 inline constexpr int kScannedEmitters = 64;
 
 enum class EmitterKind : int32_t {
@@ -91,19 +91,40 @@ struct Lamp {
     Affine to_world, to_object;  ///< for its program
 };
 
+/// A node of a light tree: a bound of what all below it send where. Children lie side by side.
+struct TreeNode {
+    Vec3 center;
+    float radius = 0;  ///< of the sphere around everything below
+    Vec3 axis{0, 0, 1};
+    float strength = 0;                             ///< irradiance at distance 1 where all shine along the axis
+    float cos_normals = 1, sin_normals = 0;         ///< half angle of the cone about the axis that holds all normals; -1: all directions
+    float cos_limit = 0;                            ///< no light beyond this angle from a normal
+    float two_sided = 0;                            ///< 1: the axis counts in both directions
+    uint64_t receivers = 0;                         ///< sets that any of them lights
+    int32_t children = -1, parent = -1, item = -1;  ///< node of the first child, -1: a leaf, which has an item
+};
+
+/// What the space of a tree does to the angles and distances of the world.
+enum class TreeSpace : int32_t {
+    KeepsAngles,  ///< the world itself, or scaled alike in all directions
+    Bent,         ///< normals mean nothing there
+    Flat,         ///< nor does the point: the map cannot be undone
+};
+
 /// Emissive triangles of one (mesh, materials), object space; instances share it.
 struct LightTriangle {
     Vec3 a, b, c;
-    float probability = 0;  ///< of being chosen within the mesh
-    float accept = 1;       ///< alias table: keep this one when the fraction is below, else take `alias`
-    int32_t alias = 0;
+    int32_t leaf = -1;  ///< its node
     int32_t primitive = 0;
     int32_t shader = 0;
     int32_t sides = 3;  ///< bit 0: light-sampled on the front, bit 1: on the back
 };
 struct MeshEmitter {
     Affine to_world;
-    int32_t first = 0, count = 0;  ///< in light_triangles
+    Affine to_object;
+    TreeSpace space = TreeSpace::KeepsAngles;
+    int32_t first = 0, count = 0;  ///< in light_triangles; leaf items count from the first
+    int32_t root = -1;             ///< of its triangles' tree
     int32_t map = 0;               ///< in primitive_to_triangle: triangle of primitive k at map + k, -1: none
     int32_t object = -1;
     int32_t visibility = 0;
@@ -114,13 +135,6 @@ struct MeshEmitter {
 struct Emitter {
     int32_t kind = 0;
     int32_t lamp = -1, mesh = -1, rect = -1;
-};
-
-/// Alias table entry [Walker 1977]; probability is that of the entry as a whole.
-struct AliasEntry {
-    float probability = 0;
-    float accept = 1;
-    int32_t alias = 0;
 };
 
 struct Sun {
@@ -168,8 +182,10 @@ TALBOT_INLINE bool is_lit(uint64_t receivers, int32_t receiver) {
 struct EmitterView {
     const Emitter* emitters = nullptr;
     const Reach* reach = nullptr;
-    const AliasEntry* alias = nullptr;    ///< set when the list is longer than kScannedEmitters
-    const uint64_t* receivers = nullptr;  ///< by emitter: sets it lights; null: each lights all
+    const TreeNode* nodes = nullptr;        ///< of all trees
+    const int32_t* emitter_leaf = nullptr;  ///< by emitter: its node; null: the list is short and has no tree
+    int32_t root = -1;                      ///< of the emitters' tree
+    const uint64_t* receivers = nullptr;    ///< by emitter: sets it lights; null: each lights all
     int emitter_count = 0;
     bool has_kind[kEmitterKinds] = {};
     const Lamp* lamps = nullptr;
@@ -198,7 +214,8 @@ struct EmitterTable {
     EmitterSummary summary;
     std::vector<Emitter> emitters;
     std::vector<Reach> reach;
-    std::vector<AliasEntry> alias;
+    std::vector<TreeNode> nodes;
+    std::vector<int32_t> emitter_leaf;
     std::vector<uint64_t> receivers;
     std::vector<Lamp> lamps;
     std::vector<int32_t> visible_lamps;
@@ -211,8 +228,20 @@ struct EmitterTable {
     std::vector<float> world_rows, world_columns, world_density;
 };
 
-/// Alias table of the weights (>= 0, not all 0) [Vose 1991].
-std::vector<AliasEntry> make_alias(const std::vector<double>& weights);
+/// What a tree is made of. `strength`: irradiance at distance 1 along the axis, > 0.
+struct TreeItem {
+    Vec3 center;
+    float radius = 0;
+    Vec3 axis{0, 0, 1};
+    float strength = 0;
+    float cos_normals = -1;  ///< -1: all directions alike
+    float cos_limit = 0;     ///< no light beyond this angle from a normal, which is at most a right one
+    bool two_sided = false;
+    uint64_t receivers = scene::Linking{}.receivers;
+};
+
+/// Appends the tree of these items (at least one) to table.nodes. Returns its root; leaves[i] is the node of item i.
+int32_t add_tree(const std::vector<TreeItem>& items, EmitterTable& table, std::vector<int32_t>& leaves);
 
 /// The three parts of `build_emitters`; each appends to the table's vectors. Views are set afterwards.
 void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Report& report, EmitterTable& table);

@@ -43,7 +43,7 @@ void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumn
                 const TriangleView view =
                     view_triangle(transform_point(mesh.to_world, own.a), transform_point(mesh.to_world, own.b), transform_point(mesh.to_world, own.c), o);
                 const float side = own.sides == 3 ? 0.0f : (own.sides == 1 ? -mesh.front_sign : mesh.front_sign);
-                shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * own.probability;
+                shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * leaf_probability(table.nodes, own.leaf, mesh_query(mesh, o));
             }
             const float value = shape * probability[j];
             pdf[lane[j]] = has_own_blockers(table.meshes[e.mesh].blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;

@@ -1,5 +1,7 @@
 #include "light/kernels/sample_local.h"
 
+#include "light/kernels/select_emitter.h"
+
 namespace talbot::light {
 inline namespace TALBOT_ISA {
 namespace {
@@ -146,14 +148,12 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     int32_t shader[kSpan], primitive[kSpan];
     for (int i = 0; i < n; ++i) {
         const MeshEmitter& mesh = table.meshes[table.emitters[in.emitter[i]].mesh];
-        const float scaled = in.part[i] * float(mesh.count);
-        const int32_t k = int32_t(minf(scaled, float(mesh.count - 1)));
-        const LightTriangle& first = table.triangles[mesh.first + k];
-        const LightTriangle& triangle = scaled - float(k) < first.accept ? first : table.triangles[first.alias];
+        const int32_t leaf = descend_tree(table.nodes, mesh.root, mesh_query(mesh, {in.px[i], in.py[i], in.pz[i]}), in.part[i], choice[i]);
+        if (leaf < 0) choice[i] = 0.0f;
+        const LightTriangle& triangle = table.triangles[mesh.first + (leaf < 0 ? 0 : table.nodes[leaf].item)];
         store({v[0], v[1], v[2]}, i, transform_point(mesh.to_world, triangle.a));
         store({v[3], v[4], v[5]}, i, transform_point(mesh.to_world, triangle.b));
         store({v[6], v[7], v[8]}, i, transform_point(mesh.to_world, triangle.c));
-        choice[i] = triangle.probability;
         // With both sides sampled 0; else the sign that the height of a lit point has.
         sides[i] = triangle.sides == 3 ? 0.0f : (triangle.sides == 1 ? -mesh.front_sign : mesh.front_sign);
         shader[i] = triangle.shader;

@@ -1,15 +1,11 @@
-/// The choice among local emitters: in proportion to each one's estimate at the point, or by power where there are many.
+/// The choice among local emitters: in proportion to each one's estimate at the point, by a tree of such estimates where there are many.
 #pragma once
 
 #include "base/math.h"
 #include "light/emitter_table.h"
+#include "light/kernels/descend_tree.h"
 
 namespace talbot::light {
-
-/// cos(max(theta - delta, 0)) from the cosines and sines of both.
-TALBOT_INLINE float cos_of_difference(float c, float s, float cd, float sd) {
-    return c >= cd ? 1.0f : c * cd + s * sd;
-}
 
 /// Estimated irradiance from `r` at p, without the cosine there. Uniform over lanes but for p; `kind` is r.kind as a constant.
 template <ReachKind kind>
@@ -102,19 +98,15 @@ TALBOT_INLINE void weigh_linked(const EmitterView& table, int e, ConstColumns3 p
 
 /// One emitter a lane. `u` in [0, 1). `receiver`: see LightQuery.
 TALBOT_INLINE void choose_emitters(const EmitterView& table, ConstColumns3 p, const int32_t* receiver, const float* pick, int n, Choice out) {
-    const bool linked = receiver && table.receivers;
-    if (table.emitter_count == 1 && !linked) {
+    if (table.emitter_count == 1 && !(receiver && table.receivers)) {
         for (int i = 0; i < n; ++i) out.emitter[i] = 0;
         for (int i = 0; i < n; ++i) out.probability[i] = 1.0f;
         return;
     }
-    if (table.alias) {
+    if (table.emitter_leaf) {
         for (int i = 0; i < n; ++i) {
-            const float scaled = pick[i] * float(table.emitter_count);
-            const int32_t k = int32_t(minf(scaled, float(table.emitter_count - 1)));
-            const int32_t chosen = scaled - float(k) < table.alias[k].accept ? k : table.alias[k].alias;
-            out.emitter[i] = !linked || is_lit(table.receivers[chosen], receiver[i]) ? chosen : -1;
-            out.probability[i] = table.alias[chosen].probability;
+            const int32_t leaf = descend_tree(table.nodes, table.root, {load(p, i), receiver ? receiver[i] : -1}, pick[i], out.probability[i]);
+            out.emitter[i] = leaf < 0 ? -1 : table.nodes[leaf].item;
         }
         return;
     }
@@ -151,8 +143,8 @@ TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p,
         for (int i = 0; i < n; ++i) probability[i] = 1.0f;
         return;
     }
-    if (table.alias) {
-        for (int i = 0; i < n; ++i) probability[i] = table.alias[emitter[i]].probability;
+    if (table.emitter_leaf) {
+        for (int i = 0; i < n; ++i) probability[i] = leaf_probability(table.nodes, table.emitter_leaf[emitter[i]], {load(p, i), receiver ? receiver[i] : -1});
         return;
     }
     float sum[kSpan], weight[kSpan];
@@ -164,6 +156,11 @@ TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p,
         for (int i = 0; i < n; ++i) probability[i] = emitter[i] == e ? weight[i] : probability[i];
     }
     for (int i = 0; i < n; ++i) probability[i] /= maxf(sum[i], 1e-37f);
+}
+
+/// Where the triangles of a mesh are asked for from a point of the world.
+TALBOT_INLINE TreeQuery mesh_query(const MeshEmitter& mesh, Vec3 p) {
+    return {transform_point(mesh.to_object, p), -1, mesh.space};
 }
 
 }  // namespace talbot::light

@@ -192,7 +192,7 @@ TEST(Density, SamplesAgreeWithRays) {
         aimed(f, LightType::Spot, {-3, -1, 0.5f}, {0, 0, 0}).radius = 0.1f;
         for (int k = 0; k < extra; ++k) f.add_light(LightType::Point, 1, {float(k) * 0.1f - 4, 6, 3}).radius = 0.01f;
         f.build();
-        EXPECT_EQ(f.table->view.alias != nullptr, extra > 0);
+        EXPECT_EQ(f.table->view.emitter_leaf != nullptr, extra > 0);
         const Vec3 p{0.1f, 0.2f, 0};
         int compared = 0, hidden = 0;
         sample_many(f, Stratum::Local, p, 2048, [&](const Samples& s, int n) {
