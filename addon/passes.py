@@ -66,6 +66,8 @@ _DENOISING_DATA = (
 )
 _SAMPLE_COUNT = Pass("Debug Sample Count", "sample_count", 1, "X", "VALUE")
 
+_SHADOW_CATCHER = Pass("Shadow Catcher", "shadow_catcher", 3)
+
 _NOT_OFFERED = {
     "use_pass_vector": "Vector",
     "use_pass_shadow": "Shadow",
@@ -80,7 +82,6 @@ _NOT_OFFERED_CYCLES = {
     "use_pass_volume_scatter": "Volume Scatter",
     "use_pass_volume_transmit": "Volume Transmit",
     "use_pass_volume_majorant": "Volume Majorant",
-    "use_pass_shadow_catcher": "Shadow Catcher",
     "pass_render_time": "Render Time",
 }
 
@@ -103,8 +104,13 @@ def wanted(scene: Any, view_layer: Any) -> list[Pass]:
             passes.append(Pass(name, offer.native, offer.channels, offer.channel_ids, offer.kind))
     if cycles.get("pass_debug_sample_count", False):
         passes.append(_SAMPLE_COUNT)
+    catcher = cycles.get("use_pass_shadow_catcher", False)
+    if catcher:
+        passes.append(_SHADOW_CATCHER)
     if denoises(scene, view_layer):
         passes.append(Pass(NOISY, "combined", 4, "RGBA"))
+        if catcher:
+            passes.append(Pass("Noisy Shadow Catcher", "shadow_catcher", 3))
     if cycles.get("denoising_store_passes", False):
         passes.extend(_DENOISING_DATA)
     return passes

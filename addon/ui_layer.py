@@ -50,6 +50,8 @@ class TALBOT_VIEWLAYER_PT_passes_light(_LayerPanel, bpy.types.Panel):
         sub = column.column(heading="Other")
         sub.prop(layer, "use_pass_emit", text="Emission")
         sub.prop(layer, "use_pass_environment")
+        if getattr(layer, "cycles", None) is not None:
+            sub.prop(layer.cycles, "use_pass_shadow_catcher")
         for name in passes.not_offered(layer):
             column.label(text=f"{name} is not available in Talbot yet", icon="ERROR")
 

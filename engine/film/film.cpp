@@ -9,7 +9,7 @@ using scene::PassKind;
 
 namespace {
 
-constexpr int kPassCount = int(PassKind::SampleCount) + 1;
+constexpr int kPassCount = int(PassKind::ShadowCatcher) + 1;
 constexpr float kEmptyDepth = 1e10f;
 constexpr int kRowsPerLock = 16;  // resolve lets merging workers in between bands of rows
 
@@ -34,7 +34,8 @@ bool is_light_pass(PassKind kind) {
 }
 
 bool is_data_pass(PassKind kind) {
-    return kind != PassKind::Combined && kind != PassKind::Emission && kind != PassKind::Environment && kind != PassKind::SampleCount && !is_light_pass(kind);
+    return kind != PassKind::Combined && kind != PassKind::Emission && kind != PassKind::Environment && kind != PassKind::SampleCount &&
+           kind != PassKind::ShadowCatcher && !is_light_pass(kind);
 }
 
 // Light over colour. Where a channel of the colour is zero so is its light, and the quotient is free: the mean of the
@@ -51,6 +52,27 @@ void divide_by_colour(const float* light, const float* colour, float scale, floa
     }
     for (int c = 0; c < 3; ++c)
         if (colour[c] == 0.0f && known) out[c] = sum / float(known);
+}
+
+/// Light on catchers over their light without all else, with white where nothing was met. `combined` and `catcher` are a pixel's sums.
+void catcher_ratio(const float* combined, const float* catcher, float scale, float* out) {
+    std::fill_n(out, 3, 1.0f);
+    if (catcher[kCatcherCount] == 0.0f) return;
+    float light[3], ratio[3];
+    for (int c = 0; c < 3; ++c) light[c] = combined[c] - catcher[c];
+    divide_by_colour(light, catcher + kCatcherAlone, 1.0f, ratio);
+    const float alpha = saturate(1.0f - combined[3] * scale);
+    for (int c = 0; c < 3; ++c) out[c] = 1.0f - alpha + alpha * ratio[c];
+}
+
+/// What the picture shows where nobody asks for the catchers' pass: the matte over the catchers' shadow (black, as opaque as the shadow is dark), and
+/// that over the background when the film is not transparent.
+void matte_over_shadow(const float* combined, const float* catcher, float scale, float exposure, bool transparent, float* out) {
+    float ratio[3];
+    catcher_ratio(combined, catcher, scale, ratio);
+    const float matte = saturate(1.0f - catcher[3] * scale), shadow = saturate(1.0f - (ratio[0] + ratio[1] + ratio[2]) / 3.0f), alpha = (1.0f - matte) * shadow + matte;
+    for (int c = 0; c < 3; ++c) out[c] = scale * exposure * (catcher[c] + (transparent ? 0.0f : (1.0f - alpha) * catcher[kCatcherBackground + c]));
+    out[3] = transparent ? alpha : 1.0f;
 }
 
 }  // namespace
@@ -79,24 +101,30 @@ bool is_single_sample(PassKind kind) {
     return kind == PassKind::Depth || kind == PassKind::Position || kind == PassKind::ObjectIndex || kind == PassKind::MaterialIndex;
 }
 
-FilmLayout make_layout(std::span<const PassKind> passes) {
+FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers) {
     bool wanted[kPassCount] = {};
     for (PassKind kind : passes) {
         if (int(kind) >= kPassCount) continue;
         wanted[int(kind)] = true;
         wanted[int(colour_of(kind))] = true;
     }
+    wanted[int(PassKind::Combined)] |= wanted[int(PassKind::ShadowCatcher)];  // the light with everything
     FilmLayout layout;
     for (int k = 0; k < kPassCount; ++k) {
         const PassKind kind = PassKind(k);
-        if (!wanted[k] || kind == PassKind::SampleCount) continue;
+        if (!wanted[k] || kind == PassKind::SampleCount || kind == PassKind::ShadowCatcher) continue;
         layout.offset[k] = layout.stride;
         layout.stride += pass_channels(kind) + is_single_sample(kind);
         layout.light_passes |= is_light_pass(kind);
         layout.data_passes |= is_data_pass(kind);
         layout.data_sums |= is_data_pass(kind) && !is_single_sample(kind);
     }
-    if (wanted[int(PassKind::SampleCount)]) layout.offset[int(PassKind::SampleCount)] = 0;  // answered from the counts, no storage
+    if (wanted[int(PassKind::SampleCount)]) layout.offset[int(PassKind::SampleCount)] = 0;      // answered from the counts, no storage
+    if (wanted[int(PassKind::ShadowCatcher)]) layout.offset[int(PassKind::ShadowCatcher)] = 0;  // computed from others
+    if (has_catchers && wanted[int(PassKind::Combined)]) {
+        layout.catcher = layout.stride;
+        layout.stride += kCatcherFloats;
+    }
     return layout;
 }
 
@@ -181,6 +209,24 @@ void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<flo
     } else if (kind == PassKind::SampleCount) {
         const float scale = 1.0f / float(std::max(most_samples_, 1));
         each_pixel([&](const float*, float inverse_samples, float* result) { result[0] = scale / inverse_samples; });
+    } else if (kind == PassKind::ShadowCatcher) {
+        const int combined = layout_.offset[int(PassKind::Combined)];
+        each_pixel([&](const float* pixel, float scale, float* result) {
+            if (layout_.catcher >= 0)
+                catcher_ratio(pixel + combined, pixel + layout_.catcher, scale, result);
+            else
+                std::fill_n(result, channels, 1.0f);
+        });
+    } else if (kind == PassKind::Combined && layout_.catcher >= 0 && layout_.has(PassKind::ShadowCatcher)) {
+        each_pixel([&](const float* pixel, float scale, float* result) {
+            const float* matte = pixel + layout_.catcher;
+            for (int c = 0; c < 3; ++c) result[c] = matte[c] * scale * exposure;
+            result[3] = saturate(1.0f - matte[3] * scale);
+        });
+    } else if (kind == PassKind::Combined && layout_.catcher >= 0) {
+        each_pixel([&](const float* pixel, float scale, float* result) {
+            matte_over_shadow(pixel + offset, pixel + layout_.catcher, scale, exposure, settings.film_transparent, result);
+        });
     } else if (is_single_sample(kind)) {
         each_pixel([&](const float* pixel, float, float* result) {
             const float* value = pixel + offset;

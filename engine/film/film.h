@@ -9,6 +9,8 @@
 ///   UV and denoising passes           sums over samples; `resolve` divides by the sample count
 ///   Mist                              sum of (1 - mist) * weight
 ///   SampleCount                       nothing: it is a pixel's samples over those of the pixel that took most
+///   ShadowCatcher                     nothing of its own, see `catcher`; where it is asked for, Combined is the matte, with nothing in the catchers' place,
+///                                     else the matte over the shadows and the background
 ///   Depth, Position, ObjectIndex,
 ///   MaterialIndex                     the first sample's value and, one float more, whether there is one: nothing to average there
 #pragma once
@@ -31,14 +33,18 @@ namespace talbot::film {
 struct FilmLayout {
     int offset[64];
     int stride = 0;             ///< floats a pixel
+    int catcher = -1;           ///< where shadow catchers are: sums of the matte (r, g, b, transparency), of the catchers alone (r, g, b), the number of
+                                ///< samples that met one first, and the background behind them (r, g, b)
     bool light_passes = false;  ///< any of diffuse/glossy/transmission direct/indirect
     bool data_passes = false;   ///< any pass of the first hit (depth, normal, colours ...)
     bool data_sums = false;     ///< any of these that takes every sample
     FilmLayout();
     TALBOT_MEMBER bool has(scene::PassKind kind) const { return offset[int(kind)] >= 0; }
 };
+/// Within FilmLayout::catcher.
+inline constexpr int kCatcherAlone = 4, kCatcherCount = 7, kCatcherBackground = 8, kCatcherFloats = 11;
 /// A light pass is divided by its colour pass, so it brings that one along.
-FilmLayout make_layout(std::span<const scene::PassKind> passes);
+FilmLayout make_layout(std::span<const scene::PassKind> passes, bool has_catchers = false);
 int pass_channels(scene::PassKind kind);
 /// True for the passes that keep one sample's value (see above).
 bool is_single_sample(scene::PassKind kind);
@@ -54,6 +60,7 @@ enum class Category : uint8_t {
     Environment,  ///< seen directly: world
     Direct,       ///< one scattering: light sampled at the first hit, or found by the first scattered ray
     Indirect,     ///< more than one
+    Catcher,      ///< found by a path that sees shadow catchers only
 };
 
 /// A pixel's place in a film: x in the low 16 bits, y in the high ones, from the bottom left.
@@ -79,8 +86,9 @@ TALBOT_INLINE int sample_half(uint32_t n) {
 /// n contributions. `pixel` indexes the tile: a place in its list of pixels, plus the list's length in the second half's plane.
 struct Contributions {
     const int32_t* pixel = nullptr;
-    ConstColumns3 rgb;              ///< radiance times throughput, clamped already
-    ConstColumns3 diffuse, glossy;  ///< share of the first scattering (0..1 a channel; the rest is transmission); null when no light passes are wanted
+    ConstColumns3 rgb;               ///< radiance times throughput, clamped already
+    ConstColumns3 diffuse, glossy;   ///< share of the first scattering (0..1 a channel; the rest is transmission); null when no light passes are wanted
+    const int32_t* matte = nullptr;  ///< 1: belongs to the matte; null where there are no shadow catchers
     int n = 0;
 };
 
@@ -155,7 +163,11 @@ inline namespace TALBOT_ISA {  // kernels
 /// The one door for radiance.
 void add(TileFilm& tile, Category category, const Contributions& c);
 /// Alpha: 1 - transparency, one value a path, summed. Only with film_transparent or holdouts.
-void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, int n);
+void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, int n, const int32_t* matte = nullptr);
+/// Camera paths that meet a shadow catcher first: the matte lets their throughput (mean of channels) pass.
+void add_catcher_hits(TileFilm& tile, const int32_t* pixel, const float* throughput, int n);
+/// The world behind them.
+void add_background(TileFilm& tile, const int32_t* pixel, ConstColumns3 rgb, int n);
 /// First-hit data pass of `pass_channels(kind)` columns, weighted (1 at opaque first hits; transparent ones carry their share).
 /// Single-sample passes keep the latest value until one came with a weight of at least 0.5 (Blender's pass_alpha_threshold): exactly Blender's rule when
 /// only the first sample's lanes are sent, and very nearly when all are. Mist takes `mist_amount`. Passes that are not wanted are ignored.

@@ -47,6 +47,7 @@ struct RenderContext {
     bool roulette_on_arrival = true;
     scene::AttributeId uv_attribute = -1;  ///< of the UV pass
     bool has_transparent_shadows = false;
+    bool has_catchers = false;  ///< shadow catchers
     geometry::TraceOptions camera_trace{16, true}, bounce_trace{8, false}, shadow_trace{8, false};
     const std::atomic<bool>* cancel = nullptr;
     const RayRecorder* recorder = nullptr;  ///< null: nothing is recorded

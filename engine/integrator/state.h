@@ -23,6 +23,8 @@ enum PathFlags : int32_t {
     kPathDataDone = 1 << 19,        ///< first-hit passes are written
     kPathCrossed = 1 << 20,         ///< the last surface was crossed straight on
     kPathTerminate = 1 << 21,       ///< lost the roulette on arrival, or at the limit of transparent surfaces: collects the surface's emission, then ends
+    kPathCatcherHit = 1 << 22,      ///< the camera saw a shadow catcher first: the path is no part of the matte
+    kPathCatcherPass = 1 << 23,     ///< and it sees catchers only
 };
 
 /// Where some light is linked, the path's flags hold the receiver set of the object that scattered it last, in the bits from here on.
@@ -112,6 +114,7 @@ struct SpanScratch {
     Columns3 rgb, share_a, share_b, tmp3;
     float *tmp = nullptr, *tmp2 = nullptr;
     int32_t* itmp = nullptr;
+    int32_t* matte = nullptr;     ///< with shadow catchers: what belongs to the matte
     float* compact = nullptr;     ///< kCompactColumns columns for lanes gathered by chosen slot
     light::LightScratch emitter;  ///< lent to the light layer
 };
@@ -139,6 +142,7 @@ public:
     int32_t* buckets = nullptr;                           ///< counting sort; room for bucket_capacity
     int bucket_capacity = 0;
     int free_count = 0;
+    bool catcher_pass = false;  ///< the unit's paths are followed again, those that meet shadow catchers, without all other objects
     Counters counters;
 
 private:

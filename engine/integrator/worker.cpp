@@ -64,8 +64,8 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     for (float** c : {&s.error, &s.time, &s.terminator_frequency, &s.weight_sum, &s.light.distance, &s.light.pdf, &s.u0, &s.v0, &s.u1, &s.v1, &s.roulette_u,
                       &s.roulette_v, &s.pdf, &s.slot_pdf, &s.sampled_roughness, &s.sampled_eta, &s.tmp, &s.tmp2})
         *c = arena_.take<float>(kSpan);
-    for (int32_t** c :
-         {&s.lane, &s.path_flags, &s.bounces, &s.sampled_flags, &s.chosen, &s.list, &s.list2, &s.itmp, &s.receiver, &s.light.visibility, &s.light.blockers})
+    for (int32_t** c : {&s.lane, &s.path_flags, &s.bounces, &s.sampled_flags, &s.chosen, &s.list, &s.list2, &s.itmp, &s.matte, &s.receiver, &s.light.visibility,
+                        &s.light.blockers})
         *c = arena_.take<int32_t>(kSpan);
     for (uint8_t** c : {&s.mask, &s.light.is_delta}) *c = arena_.take<uint8_t>(kSpan);
     s.slot_weight = arena_.take<float>(size_t(kMaxSlots) * kSpan);

@@ -141,6 +141,12 @@ void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp,
     reach.strength *= mean(lamp.power) * float(area);
 }
 
+/// Rays that may hit the lamp: without MIS those of the camera only.
+int32_t hit_visibility(const scene::Light& light) {
+    const uint32_t visibility = light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera;
+    return int32_t(with_catcher_bits(visibility, light.is_shadow_catcher));
+}
+
 void add_sun(const scene::Light& light, scene::Handle handle, bool today, const LampShader& own, EmitterTable& table) {
     Sun sun;
     sun.direction = any_unit(column(light.to_world, 2), {0, 0, 1});
@@ -158,8 +164,8 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     }
     sun.power = light.color * own.factor * float(double(light.power) * factor);
     sun.program_shader = own.program_shader;
-    sun.visibility = int32_t(light.visibility);
-    sun.hit_visibility = int32_t(light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera);
+    sun.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
+    sun.hit_visibility = hit_visibility(light);
     sun.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
     sun.receivers = light.linking.receivers;
     sun.max_bounces = light.max_bounces;
@@ -188,8 +194,8 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.center = column(light.to_world, 3);
         lamp.power = light.color * own.factor * light.power;
         lamp.program_shader = own.program_shader;
-        lamp.visibility = int32_t(light.visibility);
-        lamp.hit_visibility = int32_t(light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera);
+        lamp.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
+        lamp.hit_visibility = hit_visibility(light);
         lamp.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
         lamp.receivers = light.linking.receivers;
         lamp.max_bounces = light.max_bounces;

@@ -232,7 +232,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         emitter.space = tree_space(object.to_world);
         emitter.map = set.map;
         emitter.object = i;
-        emitter.visibility = int32_t(object.visibility);
+        emitter.visibility = int32_t(with_catcher_bits(object.visibility, object.is_shadow_catcher));
         emitter.blockers = int32_t(object.linking.blockers);
         emitter.front_sign = object.negative_scale ? -1.0f : 1.0f;
         Reach reach;

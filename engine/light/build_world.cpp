@@ -147,9 +147,9 @@ float make_world_map(const std::vector<float>& fine, int width, int height, Emit
 float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
                 const std::atomic<bool>* cancel, EmitterTable& table) {
     EmitterSummary& summary = table.summary;
-    summary.world_visibility = scene.world.visibility;
+    summary.world_visibility = with_catcher_bits(scene.world.visibility, true);
     summary.world_is_black = true;
-    table.view.world_visibility = int32_t(scene.world.visibility);
+    table.view.world_visibility = int32_t(summary.world_visibility);
     table.view.world_max_bounces = scene.world.max_bounces;
     const scene::Handle handle = scene.world.shader;
     if (handle < 0 || size_t(handle) >= programs.shaders.size() || scene.world.visibility == 0) return 0;

@@ -17,6 +17,14 @@
 
 namespace talbot::light {
 
+/// Visibility bits, shifted this far to the left, of what shadow catchers stand for: the catchers themselves and the light that counts as real. Their rays
+/// have only such bits.
+inline constexpr int kCatcherShift = 25;
+static_assert(scene::kBlockerBits < 1u << kCatcherShift);
+TALBOT_INLINE uint32_t with_catcher_bits(uint32_t visibility, bool is_shadow_catcher) {
+    return visibility | (is_shadow_catcher ? (visibility & 127u) << kCatcherShift : 0u);
+}
+
 enum class Stratum : uint8_t { Local, Distant };
 
 /// Emitters of a render, read-only while rendering. Built by `build_emitters`; layout in emitter_table.h.
@@ -63,7 +71,7 @@ struct LightSamples {
                                     ///< intensity/d^2 or irradiance
     uint8_t* is_delta = nullptr;    ///< no MIS: BSDF rays cannot find it, or do not count
     int32_t* blockers = nullptr;    ///< mask of its shadow ray; 0: nothing casts a shadow
-    int32_t* visibility = nullptr;  ///< scene::Visibility bits of the lamp: which kinds of lobe it lights
+    int32_t* visibility = nullptr;  ///< scene::Visibility bits of the lamp: which kinds of lobe it lights; and catcher bits
 };
 
 inline namespace TALBOT_ISA {  // kernels

@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 4;
+constexpr uint32_t kVersion = 5;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -96,8 +96,8 @@ void fields(A& a, Is<Object> auto& s) {
     a(s.name, s.mesh, s.material_set, s.attribute_set, s.to_world, s.visibility, s.random, s.pass_index, s.color, s.dupli_generated, s.dupli_uv, s.is_instance,
       s.is_holdout, s.is_shadow_catcher, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
     a.since(3, s.motion);
-    a.since(4, s.linking);
-    a.since(4, s.receiver_set);
+    a.since(5, s.linking);
+    a.since(5, s.receiver_set);
 }
 template <class A>
 void fields(A& a, Is<Linking> auto& s) {
@@ -128,8 +128,8 @@ template <class A>
 void fields(A& a, Is<Light> auto& s) {
     a(s.name, s.type, s.to_world, s.color, s.power, s.normalize, s.radius, s.soft_falloff, s.spot_angle, s.spot_blend, s.sun_angle, s.shape, s.size_x, s.size_y,
       s.spread, s.shader, s.visibility, s.cast_shadow, s.use_mis, s.is_portal, s.max_bounces, s.light_group, s.random);
-    a.since(4, s.linking);
-    a.since(4, s.is_shadow_catcher);
+    a.since(5, s.linking);
+    a.since(5, s.is_shadow_catcher);
 }
 template <class A>
 void fields(A& a, Is<World> auto& s) {
@@ -163,7 +163,7 @@ template <class A>
 void fields(A& a, Is<Scene> auto& s) {
     a(s.settings, s.camera, s.world, s.meshes, s.objects, s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
     a.since(3, s.motion);
-    a.since(4, s.linkings);
+    a.since(5, s.linkings);
 }
 
 // ---- writing

@@ -118,6 +118,7 @@ integrator::RenderContext make_context(Session::State& s, const film::FilmLayout
     context.shader_count = int(data.rank_shader.size());
     context.uv_attribute = data.tables.attribute_id(scene::kActiveUv);
     context.has_transparent_shadows = data.has_transparent_shadows;
+    context.has_catchers = data.has_catchers;
     context.cancel = &s.cancel;
     return context;
 }

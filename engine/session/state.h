@@ -34,6 +34,7 @@ struct RenderData {
     std::vector<float> filter_table;
     std::vector<int32_t> shader_order, rank_shader;
     bool has_transparent_shadows = false;
+    bool has_catchers = false;
     std::unique_ptr<WorkerPool> pool;
     std::vector<std::unique_ptr<integrator::Worker>> workers;
     int worker_registers = 0;

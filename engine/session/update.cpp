@@ -70,6 +70,11 @@ void make_workers(Session::State& s) {
     for (auto& worker : data.workers) worker->counters = {};
 }
 
+bool has_catchers(const scene::Scene& scene) {
+    return std::any_of(scene.objects.begin(), scene.objects.end(),
+                       [](const scene::Object& object) { return object.is_shadow_catcher && object.mesh != scene::kNone; });
+}
+
 struct FilmPlan {
     film::FilmLayout layout;
     int width = 0, height = 0;
@@ -80,7 +85,7 @@ FilmPlan plan_film(const scene::Scene& scene) {
     std::vector<scene::PassKind> passes = scene.passes;
     if (settings.adaptive) passes.push_back(scene::PassKind::Combined);  // whose noise decides
     const bool crop = settings.crop_width > 0;
-    return {film::make_layout(passes), crop ? settings.crop_width : settings.width, crop ? settings.crop_height : settings.height};
+    return {film::make_layout(passes, has_catchers(scene)), crop ? settings.crop_width : settings.width, crop ? settings.crop_height : settings.height};
 }
 
 /// Before anything is built: a system that promises more memory than it has throws nothing, it ends the process when the memory is touched.
@@ -147,6 +152,8 @@ void update_render_data(Session::State& s) {
         timed("Updating objects", &Statistics::update_seconds, [&] {
             scene::make_scene_view(scene, data.programs.default_shader, data.tables);
             mark_transparent_casters(data);
+            for (scene::ObjectView& object : data.tables.objects) object.visibility = light::with_catcher_bits(object.visibility, object.is_shadow_catcher);
+            data.has_catchers = has_catchers(scene);
         });
     }
     data.tables.view.settings = &scene.settings;

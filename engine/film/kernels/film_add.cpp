@@ -32,6 +32,13 @@ void add(TileFilm& tile, Category category, const Contributions& c) {
     const int stride = layout.stride;
     const auto offset = [&](PassKind kind) { return layout.offset[int(kind)]; };
     const int combined = offset(PassKind::Combined);
+    if (layout.catcher >= 0) {
+        if (category == Category::Catcher) return add_simple(pixels, stride, layout.catcher + kCatcherAlone, -1, c);
+        for (int i = 0; c.matte && i < c.n; ++i) {
+            const Vec3 v = load(c.rgb, i);
+            if (c.matte[i] && is_finite(v)) add3(pixels + size_t(c.pixel[i]) * size_t(stride) + layout.catcher, v);
+        }
+    }
 
     if (category == Category::Emission || category == Category::Environment) {
         add_simple(pixels, stride, combined, offset(category == Category::Emission ? PassKind::Emission : PassKind::Environment), c);
@@ -58,7 +65,7 @@ void add(TileFilm& tile, Category category, const Contributions& c) {
     }
 }
 
-void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, int n) {
+void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, int n, const int32_t* matte) {
     const FilmLayout& layout = tile.layout();
     const int combined = layout.offset[int(scene::PassKind::Combined)];
     if (combined < 0) return;
@@ -66,6 +73,29 @@ void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, 
     for (int i = 0; i < n; ++i) {
         const float t = transparency[i];
         if (t - t == 0.0f) pixels[size_t(pixel[i]) * size_t(layout.stride)] += t;
+    }
+    if (layout.catcher < 0 || !matte) return;
+    float* alphas = tile.pixels() + layout.catcher + 3;
+    for (int i = 0; i < n; ++i)
+        if (matte[i] && transparency[i] - transparency[i] == 0.0f) alphas[size_t(pixel[i]) * size_t(layout.stride)] += transparency[i];
+}
+
+void add_catcher_hits(TileFilm& tile, const int32_t* pixel, const float* throughput, int n) {
+    const FilmLayout& layout = tile.layout();
+    if (layout.catcher < 0) return;
+    for (int i = 0; i < n; ++i) {
+        float* sums = tile.pixels() + size_t(pixel[i]) * size_t(layout.stride) + layout.catcher;
+        sums[3] += throughput[i] - throughput[i] == 0.0f ? throughput[i] : 0.0f;
+        sums[kCatcherCount] += 1.0f;
+    }
+}
+
+void add_background(TileFilm& tile, const int32_t* pixel, ConstColumns3 rgb, int n) {
+    const FilmLayout& layout = tile.layout();
+    if (layout.catcher < 0) return;
+    for (int i = 0; i < n; ++i) {
+        const Vec3 v = load(rgb, i);
+        if (is_finite(v)) add3(tile.pixels() + size_t(pixel[i]) * size_t(layout.stride) + layout.catcher + kCatcherBackground, v);
     }
 }
 

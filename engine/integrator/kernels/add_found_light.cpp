@@ -20,8 +20,10 @@ void add_found_light(const RenderContext& context, Worker& worker, const int32_t
             const int bounces = total_bounces(paths.bounces[lane]);
             if ((bounces > 2 ? 2 : bounces) != category) continue;
             const Rgb c = load(rgb, i);
+            if (!counts(worker, paths.flags[lane])) continue;
             if (c.x == 0.0f && c.y == 0.0f && c.z == 0.0f) continue;
             s.itmp[count] = paths.pixel[lane];
+            if (context.has_catchers) mark_matte(paths, lanes + i, 1, s.matte + count);
             store(s.tmp3, count, c);
             if (context.layout->light_passes) {
                 store(s.share_a, count, load(paths.diffuse_share, lane));
@@ -34,11 +36,17 @@ void add_found_light(const RenderContext& context, Worker& worker, const int32_t
         c.pixel = s.itmp;
         c.rgb = s.tmp3;
         c.n = count;
+        if (context.has_catchers) c.matte = s.matte;
         if (context.layout->light_passes) {
             c.diffuse = s.share_a;
             c.glossy = s.share_b;
         }
-        film::add(tile, category == 0 ? seen : category == 1 ? film::Category::Direct : film::Category::Indirect, c);
+        film::add(tile,
+                  worker.catcher_pass ? film::Category::Catcher
+                  : category == 0     ? seen
+                  : category == 1     ? film::Category::Direct
+                                      : film::Category::Indirect,
+                  c);
     }
 }
 

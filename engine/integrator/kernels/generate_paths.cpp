@@ -312,7 +312,7 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             if (!next.exists[i]) {
                 // No light comes from nowhere: black and fully transparent, as in Cycles.
                 const float one = 1.0f;
-                film::add_alpha(tile, &next.pixel[i], &one, 1);
+                if (!worker.catcher_pass) film::add_alpha(tile, &next.pixel[i], &one, 1);
                 worker.free_lanes[worker.free_count++] = lane;
                 continue;
             }

@@ -45,9 +45,8 @@ void sort_by_program(const RenderContext& context, Worker& worker, int n) {
     // Afterwards buckets[b] is the end of shader rank b.
 }
 
-}  // namespace
-
-bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) {
+/// Follows all paths of the unit. False: cancelled.
+bool follow_paths(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) {
     worker.free_count = kBatch;
     for (int i = 0; i < kBatch; ++i) worker.free_lanes[i] = kBatch - 1 - i;
     worker.shadow.n = 0;
@@ -79,6 +78,7 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
         clock.lap(Stage::Background);
         geometry::hit_shaders(*context.scene, worker.paths.hit, worker.hits, hit_count, worker.shader);
         worker.counters.vertices += uint64_t(hit_count);
+        if (context.has_catchers) hit_count = meet_catchers(context, worker, hit_count, tile);
         hit_count = end_paths(context, worker, hit_count);
         sort_by_program(context, worker, hit_count);
         clock.lap(Stage::Sort);
@@ -103,6 +103,16 @@ bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& w
         trace_shadow(context, worker, tile);
         clock.lap(Stage::Shadow);
     }
+}
+
+}  // namespace
+
+bool render_unit(const RenderContext& context, const RenderUnit& unit, Worker& worker, film::TileFilm& tile) {
+    worker.catcher_pass = false;
+    if (!follow_paths(context, unit, worker, tile)) return false;
+    if (!context.has_catchers) return true;
+    worker.catcher_pass = true;
+    return follow_paths(context, unit, worker, tile);
 }
 
 }  // namespace TALBOT_ISA

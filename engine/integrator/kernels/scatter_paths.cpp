@@ -165,9 +165,9 @@ int advance_paths(const RenderContext& context, SpanScratch& s) {
                               (transmission_bounces(bounces) > max_transmission);
         const bool through_glass = transmitted & (roughness[i] <= clear_roughness);
         const int32_t crossing = before | kPathCrossed | (crossed[i] + 1 >= transparent_limit ? kPathTerminate : 0);
-        const int32_t scattered = kPathDataDone | (through_glass ? before & kPathSeesBackground : 0) | (at_limit ? kPathEndAtSurface : 0) |
-                                  (delta ? int32_t(kPathDelta) | shader::kRaySingular : 0) | (transmitted ? shader::kRayTransmission : shader::kRayReflection) |
-                                  (diffuse ? shader::kRayDiffuse : shader::kRayGlossy);
+        const int32_t scattered = kPathDataDone | (before & (kPathCatcherHit | kPathCatcherPass)) | (through_glass ? before & kPathSeesBackground : 0) |
+                                  (at_limit ? kPathEndAtSurface : 0) | (delta ? int32_t(kPathDelta) | shader::kRaySingular : 0) |
+                                  (transmitted ? shader::kRayTransmission : shader::kRayReflection) | (diffuse ? shader::kRayDiffuse : shader::kRayGlossy);
         const int32_t next = transparent ? crossing : scattered;
 
         const Rgb throughput{tx[i] * fx[i], ty[i] * fy[i], tz[i] * fz[i]};

@@ -93,7 +93,7 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
         if (context.emitter_summary.has_links) path_receivers(paths, span_lanes, m, s.receiver);
         world_radiance(context, worker, span_lanes, m, s.rgb);
 
-        if (context.layout->data_passes) {
+        if (context.layout->data_passes && !worker.catcher_pass) {
             // Nothing decided what single samples keep: they are empty.
             int count = 0;
             for (int i = 0; i < m; ++i) {
@@ -115,10 +115,21 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
                 const int32_t lane = span_lanes[i];
                 if (!(paths.flags[lane] & kPathSeesBackground)) continue;
                 s.itmp[count] = paths.pixel[lane];
+                if (context.has_catchers) mark_matte(paths, &lane, 1, s.matte + count);
                 s.tmp[count++] = mean(load(paths.throughput, lane));
                 store(s.rgb, i, Rgb{});
             }
-            film::add_alpha(tile, s.itmp, s.tmp, count);
+            if (!worker.catcher_pass) film::add_alpha(tile, s.itmp, s.tmp, count, context.has_catchers ? s.matte : nullptr);
+        }
+        if (context.has_catchers && !worker.catcher_pass && !settings.film_transparent) {
+            int count = 0;
+            for (int i = 0; i < m; ++i) {
+                const int32_t lane = span_lanes[i];
+                if (!(paths.flags[lane] & kPathSeesBackground)) continue;
+                s.itmp[count] = paths.pixel[lane];
+                store(s.tmp3, count++, load(s.rgb, i) * load(paths.throughput, lane));
+            }
+            film::add_background(tile, s.itmp, s.tmp3, count);
         }
         if (context.emitter_summary.has_visible_suns) {
             for (int i = 0; i < m; ++i) {
@@ -132,6 +143,16 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
         }
         add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
     }
+}
+
+void add_catcher_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
+    const PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    if (context.emitter_summary.has_links) path_receivers(paths, lanes, n, s.receiver);
+    world_radiance(context, worker, lanes, n, s.rgb);
+    gather(paths.pixel, lanes, n, s.itmp);
+    for (int i = 0; i < n; ++i) store(s.rgb, i, load(s.rgb, i) * load(paths.throughput, lanes[i]));
+    film::add_background(tile, s.itmp, s.rgb, n);
 }
 
 void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {

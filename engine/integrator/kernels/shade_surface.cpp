@@ -141,9 +141,10 @@ void add_holdout(const RenderContext& context, Worker& worker, const shader::Pro
         }
         if (absorbed == 0.0f) continue;
         s.itmp[count] = worker.paths.pixel[s.lane[i]];
+        if (context.has_catchers) mark_matte(worker.paths, s.lane + i, 1, s.matte + count);
         s.tmp2[count++] = absorbed * mean(load(s.throughput, i));
     }
-    film::add_alpha(tile, s.itmp, s.tmp2, count);
+    if (!worker.catcher_pass) film::add_alpha(tile, s.itmp, s.tmp2, count, context.has_catchers ? s.matte : nullptr);
 }
 
 /// Drops lobes that the caustics switches forbid behind a diffuse scattering, widens narrow ones (filter glossy), and
@@ -222,7 +223,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
         add_holdout(context, worker, program, tile);
         if (program.emission != shader::kNoRegister) add_emission(context, worker, program, tile);
         if (context.roulette_on_arrival) settle_roulette(context, worker);
-        if (context.layout->data_passes) write_data_passes(context, worker, program, geometry, tile);
+        if (context.layout->data_passes && !worker.catcher_pass) write_data_passes(context, worker, program, geometry, tile);
         restrict_closures(context, worker, program);
 
         // Sampling weights of the slots, shared by light samples (densities) and scattering (choice).

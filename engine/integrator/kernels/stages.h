@@ -27,6 +27,23 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
 /// World and suns for rays that left the scene; these paths end.
 void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
 
+/// For the first n lanes of worker.hits (shaders in worker.shader): marks the paths whose camera ray has met a shadow catcher, and in the catchers' pass
+/// frees those that cannot meet one any more. Returns how many stay, in their order.
+int meet_catchers(const RenderContext& context, Worker& worker, int n, film::TileFilm& tile);
+
+/// The world behind catchers that the listed camera paths met.
+void add_catcher_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
+
+/// Whether contributions of a path with these flags count in this pass of the unit.
+TALBOT_INLINE bool counts(const Worker& worker, int32_t flags) {
+    return !worker.catcher_pass || (flags & kPathCatcherPass) != 0;
+}
+
+/// Tells the film which of the listed paths' contributions belong to the matte; for scenes with shadow catchers.
+TALBOT_INLINE void mark_matte(const PathColumns& paths, const int32_t* lanes, int n, int32_t* matte) {
+    for (int i = 0; i < n; ++i) matte[i] = (paths.flags[lanes[i]] & kPathCatcherHit) == 0;
+}
+
 /// Plays Russian roulette with the first n lanes of worker.hits (shaders in worker.shader) and frees those that bring nothing more. Returns how many
 /// stay, in their order.
 int end_paths(const RenderContext& context, Worker& worker, int n);
@@ -111,12 +128,13 @@ TALBOT_INLINE float terminator_factor(float frequency, float c) {
     return frequency > 1.0f && c > 0.0f ? maxf(lane_cos(frequency * lane_acos(cosine)), 0.0f) / cosine : 1.0f;
 }
 
-/// scene::Visibility bit of the kind of ray, from its flags: transmission wins, then camera, diffuse, glossy.
+/// scene::Visibility bit of the kind of ray, from its flags: transmission wins, then camera, diffuse, glossy. Where only catchers are seen, their bit.
 TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
     const int32_t transmission = flags & shader::kRayTransmission;
     const int32_t camera = flags & shader::kRayCamera;
     const int32_t diffuse = flags & shader::kRayDiffuse;
-    return transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
+    const int32_t bit = transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
+    return flags & kPathCatcherPass ? bit << light::kCatcherShift : bit;
 }
 
 /// Receiver sets of the objects that sent the listed paths' rays, -1 of the camera's: for emitters that are linked.

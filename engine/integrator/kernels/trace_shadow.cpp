@@ -69,12 +69,18 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
     return alive;
 }
 
+/// What shadow rays ask for unless their light has blockers of its own.
+int32_t plain_visibility(const Worker& worker) {
+    return worker.catcher_pass ? scene::kVisibleShadow << light::kCatcherShift : scene::kVisibleShadow;
+}
+
 void trace_transparent(const RenderContext& context, Worker& worker) {
     ShadowQueue& queue = worker.shadow;
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
+    const int32_t plain = plain_visibility(worker);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
-        if (queue.visibility[k] == scene::kVisibleShadow) queue.visibility[k] = kShadowTransparent;
+        if (queue.visibility[k] == plain) queue.visibility[k] = worker.catcher_pass ? kShadowTransparent << light::kCatcherShift : kShadowTransparent;
         queue.list[n] = k;
         n += !queue.blocked[k] && queue.t_max[k] > 0.0f;
     }
@@ -117,7 +123,7 @@ void add_unblocked(const RenderContext& context, Worker& worker, film::TileFilm&
         int n = 0;
         for (int k = 0; k < queue.n; ++k) {
             queue.list[n] = k;
-            n += !queue.blocked[k] && queue.indirect[k] == indirect;
+            n += !queue.blocked[k] && queue.indirect[k] == indirect && counts(worker, worker.paths.flags[queue.lane[k]]);
         }
         // The film takes plain columns: gather a span at a time.
         SpanScratch& s = worker.scratch;
@@ -129,13 +135,18 @@ void add_unblocked(const RenderContext& context, Worker& worker, film::TileFilm&
             c.pixel = s.itmp;
             c.rgb = s.rgb;
             c.n = m;
+            if (context.has_catchers) {
+                gather(queue.lane, queue.list + begin, m, s.list2);
+                mark_matte(worker.paths, s.list2, m, s.matte);
+                c.matte = s.matte;
+            }
             if (context.layout->light_passes) {
                 gather3(queue.diffuse_share, queue.list + begin, m, s.share_a);
                 gather3(queue.glossy_share, queue.list + begin, m, s.share_b);
                 c.diffuse = s.share_a;
                 c.glossy = s.share_b;
             }
-            film::add(tile, indirect ? film::Category::Indirect : film::Category::Direct, c);
+            film::add(tile, worker.catcher_pass ? film::Category::Catcher : indirect ? film::Category::Indirect : film::Category::Direct, c);
         }
     }
 }
@@ -145,12 +156,13 @@ void add_unblocked(const RenderContext& context, Worker& worker, film::TileFilm&
 void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& tile) {
     ShadowQueue& queue = worker.shadow;
     if (queue.n == 0) return;
+    const int32_t plain = plain_visibility(worker);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
         queue.blocked[k] = 0;
         queue.list[n] = k;
         // Blocker groups do not tell opaque casters from others: surface by surface then.
-        n += queue.t_max[k] > 0.0f && (queue.visibility[k] == scene::kVisibleShadow || !context.has_transparent_shadows);
+        n += queue.t_max[k] > 0.0f && (queue.visibility[k] == plain || !context.has_transparent_shadows);
     }
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, context.shadow_trace);

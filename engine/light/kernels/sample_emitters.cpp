@@ -24,7 +24,7 @@ TALBOT_INLINE bool is_black(Rgb c) {
 
 /// Scattered rays never hit such a lamp (its MIS is switched off): its light samples bring all of its light.
 TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility) {
-    return (hit_visibility & ~int32_t(scene::kVisibleCamera)) == 0;
+    return (hit_visibility & int32_t(scene::kVisibleAll) & ~int32_t(scene::kVisibleCamera)) == 0;
 }
 
 void sample_local(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
