@@ -91,7 +91,7 @@ def test_receivers(pair_scene: Any, tmp_path: Path, world: bool) -> None:
     if world:
         set_world(pair_scene, build=lambda tree: tree("TexGradient", Vector=tree("TexCoord").outputs["Generated"]))
     pair_scene.cycles.max_bounces, pair_scene.cycles.caustics_reflective = 2, False
-    agree(pair_scene, tmp_path, samples=128, bounds=Bounds(0.02, 0.1))
+    agree(pair_scene, tmp_path, samples=1024, bounds=Bounds(0.02, 0.1))
 
 
 def test_blockers(pair_scene: Any, tmp_path: Path) -> None:
