@@ -281,7 +281,7 @@ int take_lanes(const RenderContext& context, const RenderUnit& unit, int64_t& cu
 
 }  // namespace
 
-int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, film::TileFilm& tile) {
+int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker) {
     const scene::Settings& settings = *context.settings;
     const scene::Camera& camera = *context.camera;
     PathColumns& paths = worker.paths;
@@ -310,9 +310,7 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
         for (int i = 0; i < n; ++i) {
             const int32_t lane = next.lane[i];
             if (!next.exists[i]) {
-                // No light comes from nowhere: black and fully transparent, as in Cycles.
-                const float one = 1.0f;
-                if (!worker.catcher_pass) film::add_alpha(tile, &next.pixel[i], &one, 1);
+                // No light comes from nowhere: black and opaque, as in Cycles.
                 worker.free_lanes[worker.free_count++] = lane;
                 continue;
             }

@@ -55,7 +55,7 @@ bool follow_paths(const RenderContext& context, const RenderUnit& unit, Worker& 
     for (;;) {
         if (context.cancel && context.cancel->load(std::memory_order_relaxed)) return false;
         StageClock clock(context, worker.counters);
-        const int fresh = generate_paths(context, unit, cursor, worker, tile);
+        const int fresh = generate_paths(context, unit, cursor, worker);
         if (active + fresh == 0) return true;
         clock.lap(Stage::Generate);
 

@@ -12,7 +12,7 @@ namespace talbot::integrator {
 inline namespace TALBOT_ISA {
 
 /// Starts paths in free lanes: samples [cursor, ...) of the unit in pixel order within a sample. Returns how many; their lanes are in worker.fresh.
-int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker, film::TileFilm& tile);
+int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t& cursor, Worker& worker);
 
 /// Closest hits of the listed lanes.
 void intersect_paths(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, const geometry::TraceOptions& options);

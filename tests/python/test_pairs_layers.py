@@ -1,0 +1,135 @@
+"""View layers, panoramas and portals show the same in Cycles and in Talbot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from pair_scenes import (
+    add_box,
+    add_lamp,
+    add_mesh,
+    add_plane,
+    add_sphere,
+    diffuse,
+    glow,
+    image_of,
+    look_at,
+    material,
+    set_world,
+)
+from pairs import Bounds, agree
+
+PANORAMAS: dict[str, dict[str, float]] = {
+    "EQUIRECTANGULAR": {"latitude_min": -0.6, "latitude_max": 1.2, "longitude_min": -1.5, "longitude_max": 2.5},
+    "EQUIANGULAR_CUBEMAP_FACE": {},
+    "MIRRORBALL": {},
+    "FISHEYE_EQUIDISTANT": {"fisheye_fov": 2.8},
+    "FISHEYE_EQUISOLID": {"fisheye_fov": 3.0, "fisheye_lens": 9.0},
+    "FISHEYE_LENS_POLYNOMIAL": {"fisheye_fov": 3.0, "fisheye_polynomial_k1": -0.05, "fisheye_polynomial_k3": 1e-5},
+    "CENTRAL_CYLINDRICAL": {"central_cylindrical_range_v_min": -0.8, "central_cylindrical_range_u_max": 2.0},
+}
+
+
+def court(scene: Any) -> Any:
+    """Glowing things all around the camera: no light is sampled, so only the camera makes noise."""
+    pixels = np.ones((8, 8, 4))
+    pixels[..., :3] = np.where((np.indices((8, 8)).sum(0) % 2)[..., None], (0.9, 0.7, 0.5), (0.1, 0.2, 0.4))
+    image = image_of(pixels)
+    add_plane(material(lambda tree: tree("TexImage", image=image, interpolation="Closest")), 8.0)
+    places = ((0, 3, 1), (2.5, 1, 0.5), (-2, -2, 1.5), (1.5, -2.5, 1), (-3, 0.5, 0.5), (0.5, 0.5, 3))
+    for number, place in enumerate(places):
+        color = [0.3, 0.3, 0.3]
+        color[number % 3] = 2.0 + number
+        add_sphere(glow(color), 0.6, location=place)
+    set_world(scene, (0.3, 0.5, 0.8))
+    scene.cycles.max_bounces = 0
+    return look_at(scene, (0.0, 0.0, 1.0), (0.0, 3.0, 1.2))
+
+
+@pytest.mark.parametrize("kind", PANORAMAS)
+def test_panoramas(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    """The settings are the camera's own in newer versions, Cycles' in older ones; some kinds are newer than 3.4."""
+    camera = court(pair_scene).data
+    holder = camera if hasattr(camera, "panorama_type") else camera.cycles
+    camera.type = "PANO"
+    if kind not in holder.bl_rna.properties["panorama_type"].enum_items.keys():
+        pytest.skip("not in this Blender")
+    holder.panorama_type = kind
+    for name, value in PANORAMAS[kind].items():
+        setattr(holder, name, value)
+    pair_scene.render.resolution_x, pair_scene.render.resolution_y = 40, 28
+    agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.06))
+
+
+def in_collection(scene: Any, obj: Any) -> Any:
+    """A collection of the scene with this object in it alone; returns its layer collection."""
+    collection = bpy.data.collections.new("Pair")
+    scene.collection.children.link(collection)
+    collection.objects.link(obj)
+    scene.collection.objects.unlink(obj)
+    return scene.view_layers[0].layer_collection.children[collection.name]
+
+
+def stage(scene: Any) -> list[Any]:
+    """A ball and a box on the ground, a mirror behind them, a lamp and the sky."""
+    look_at(scene, (0.0, -5.0, 2.0), (0.0, 0.0, 0.5), 40.0)
+    ground = add_plane(diffuse(), 8.0)
+    mirror = add_plane(material(lambda tree: tree("BsdfGlossy", Roughness=0.0)), 3.0, location=(0.0, 1.5, 1.0))
+    mirror.rotation_euler = (1.5, 0.0, 0.2)
+    ball = add_sphere(diffuse((0.8, 0.3, 0.2)), 0.5, location=(-0.7, 0.0, 0.5))
+    box = add_box(diffuse((0.2, 0.4, 0.8)), (0.7, 0.7, 0.7), location=(0.7, 0.1, 0.35))
+    add_lamp("AREA", 80, (2.0, -2.0, 3.0), toward=(0.0, 0.0, 0.0), shape="SQUARE", size=0.7)
+    set_world(scene, (0.2, 0.25, 0.3))
+    scene.cycles.max_bounces, scene.cycles.caustics_reflective = 2, False
+    return [ball, box, mirror, ground]
+
+
+@pytest.mark.parametrize("what", ["exclude", "holdout", "indirect_only"])
+def test_collections_of_a_layer(pair_scene: Any, tmp_path: Path, what: str) -> None:
+    ball = stage(pair_scene)[0]
+    setattr(in_collection(pair_scene, ball), what, True)
+    pair_scene.render.film_transparent = what == "holdout"
+    agree(pair_scene, tmp_path, samples=512, bounds=Bounds(0.01, 0.06))
+
+
+@pytest.mark.parametrize("what", ["material", "world", "samples", "use_sky", "use_solid"])
+def test_overrides_of_a_layer(pair_scene: Any, tmp_path: Path, what: str) -> None:
+    """What a layer replaces or leaves out. A layer's samples: the noise differs, the mean does not."""
+    stage(pair_scene)
+    layer = pair_scene.view_layers[0]
+    if what == "material":
+        layer.material_override = diffuse((0.6, 0.7, 0.3))
+    elif what == "world":
+        if not hasattr(layer, "world_override"):
+            pytest.skip("not in this Blender")
+        own = pair_scene.world
+        layer.world_override = set_world(pair_scene, (0.6, 0.2, 0.1))
+        pair_scene.world = own
+    elif what == "samples":
+        layer.samples = 400
+    else:
+        setattr(layer, what, False)
+    agree(pair_scene, tmp_path, samples=512, bounds=Bounds(0.01, 0.06))
+
+
+def test_portals(pair_scene: Any, tmp_path: Path) -> None:
+    """A room with one window, and a portal in it: light of the sky, however it is sampled."""
+    look_at(pair_scene, (0.0, -1.4, 1.0), (0.0, 1.0, 0.8), 20.0)
+    white = diffuse(0.7)
+    room = add_box(white, (3.0, 3.0, 2.0), inside=True, location=(0.0, 0.0, 1.0)).data
+    room.materials.append(material(lambda tree: tree("BsdfTransparent")))
+    room.polygons[1].material_index = 1
+    add_sphere(diffuse((0.8, 0.4, 0.2)), 0.4, location=(0.3, 0.4, 0.4))
+    frame = ((1.48, -1.5, 0), (1.48, -1.5, 2), (1.48, 0.3, 2), (1.48, 0.3, 0))
+    add_mesh(frame, [(0, 1, 2, 3)], white)
+    portal = add_lamp("AREA", 1.0, (1.45, 0.9, 1.0), toward=(-1.0, 0.9, 1.0), shape="RECTANGLE", size=2.0, size_y=1.2)
+    portal.data.cycles.is_portal = True
+    pixels = np.ones((16, 32, 4))
+    pixels[..., :3] = np.linspace(0.2, 2.0, 32)[None, :, None]
+    set_world(pair_scene, build=lambda tree: tree("TexEnvironment", image=image_of(pixels)))
+    pair_scene.cycles.max_bounces = 1
+    agree(pair_scene, tmp_path, samples=256, bounds=Bounds(0.02, 0.1))
