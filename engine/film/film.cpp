@@ -70,7 +70,8 @@ void catcher_ratio(const float* combined, const float* catcher, float scale, flo
 void matte_over_shadow(const float* combined, const float* catcher, float scale, float exposure, bool transparent, float* out) {
     float ratio[3];
     catcher_ratio(combined, catcher, scale, ratio);
-    const float matte = saturate(1.0f - catcher[3] * scale), shadow = saturate(1.0f - (ratio[0] + ratio[1] + ratio[2]) / 3.0f), alpha = (1.0f - matte) * shadow + matte;
+    const float matte = saturate(1.0f - catcher[3] * scale), shadow = saturate(1.0f - (ratio[0] + ratio[1] + ratio[2]) / 3.0f),
+                alpha = (1.0f - matte) * shadow + matte;
     for (int c = 0; c < 3; ++c) out[c] = scale * exposure * (catcher[c] + (transparent ? 0.0f : (1.0f - alpha) * catcher[kCatcherBackground + c]));
     out[3] = transparent ? alpha : 1.0f;
 }
