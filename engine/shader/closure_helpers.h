@@ -84,8 +84,7 @@ struct ClosureMaker {
     }
     /// The index of the film's medium from the viewer's side, as relative_index.
     Film relative(Film film, Value ior) {
-        const Value inside = e.div(film.ior, e.max(ior, 1e-3f));
-        film.ior = film.exists ? e.select(e.input(InputColumn::Backfacing), inside, film.ior) : film.ior;
+        if (film.exists) film.ior = e.select(e.input(InputColumn::Backfacing), e.div(film.ior, e.max(ior, 1e-3f)), film.ior);
         return film;
     }
 
