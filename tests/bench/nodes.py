@@ -50,13 +50,15 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "result.json"
-        job = {"names": options.names, "every": options.every, "threads": options.threads, "result": str(result)}
+        job = {"names": options.names, "every": options.every, "threads": options.threads, "folder": folder}
         command = [str(ROOT / "talbot"), "blender", *(["--blender", options.blender] if options.blender else [])]
         command += ["-b", "--factory-startup", "--python", str(JOB), "--", "JOB=" + json.dumps(job)]
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
         if not result.exists():
             sys.exit("bench nodes: " + os.linesep.join(done.stdout.splitlines()[-5:]))
         answer: dict[str, Any] = json.loads(result.read_text())
+        if "error" in answer:
+            sys.exit(f"bench nodes: {answer['error']}")
     ratios = table(answer)
     if ratios:
         print(f"geometric mean of {len(ratios)}: {np.exp(np.mean(np.log(ratios))):.2f}, least: {min(ratios):.2f}")

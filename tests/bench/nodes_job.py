@@ -1,6 +1,5 @@
 """Runs inside Blender for nodes.py: the time of a picture of many copies of one node, less that of its inputs alone."""
 
-import json
 import os
 import sys
 import time
@@ -14,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 sys.path.insert(0, str(Path(__file__).parent))
 
 import materials
+from job import run
 from node_probes import all_probes
 
 SIZE = 256
@@ -181,12 +181,4 @@ def measure(job: dict[str, Any]) -> dict[str, dict[str, float]]:
     return answer
 
 
-def main() -> None:
-    job = json.loads(next(a for a in sys.argv if a.startswith("JOB="))[4:])
-    answer = measure(job)
-    target = Path(job["result"])
-    target.with_suffix(".part").write_text(json.dumps(answer))
-    os.replace(target.with_suffix(".part"), target)
-
-
-main()
+run(measure)

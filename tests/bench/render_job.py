@@ -1,7 +1,5 @@
 """Runs inside Blender for run.py: renders the open scene with one engine and several seeds; writes times and pixels."""
 
-import json
-import os
 import re
 import resource
 import sys
@@ -11,6 +9,10 @@ from typing import Any
 
 import bpy
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from job import run
 
 
 def prepare(scene: bpy.types.Scene, job: dict[str, Any]) -> None:
@@ -98,15 +100,4 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def main() -> None:
-    job = json.loads(next(a for a in sys.argv if a.startswith("JOB="))[4:])
-    try:
-        answer = measure(job)
-    except Exception as error:  # the bench reports it and goes on with the next scene
-        answer = {"error": f"{type(error).__name__}: {error}"}
-    target = Path(job["folder"]) / "result.json"
-    target.with_suffix(".part").write_text(json.dumps(answer))
-    os.replace(target.with_suffix(".part"), target)
-
-
-main()
+run(measure)

@@ -1,6 +1,5 @@
 """Runs inside Blender for sync.py: builds a case, renders a tiny picture with one engine, writes how long it read."""
 
-import json
 import os
 import sys
 import tempfile
@@ -11,6 +10,10 @@ from typing import Any
 
 import bpy
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from job import run
 
 
 def clear() -> bpy.types.Scene:
@@ -166,15 +169,4 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
     return {"cold": seconds[0], "warm": min(seconds[1:]), "blender": bpy.app.version_string}
 
 
-def main() -> None:
-    job = json.loads(next(a for a in sys.argv if a.startswith("JOB="))[4:])
-    try:
-        answer = measure(job)
-    except Exception as error:  # the bench reports it and goes on with the next case
-        answer = {"error": f"{type(error).__name__}: {error}"}
-    target = Path(job["folder"]) / "result.json"
-    target.with_suffix(".part").write_text(json.dumps(answer))
-    os.replace(target.with_suffix(".part"), target)
-
-
-main()
+run(measure)

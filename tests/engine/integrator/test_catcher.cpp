@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "session/session.h"
+#include "support/render.h"
 #include "support/scenes.h"
 
 namespace talbot {
@@ -38,15 +38,7 @@ scene::Scene four_places() {
 
 std::vector<float> render(scene::Scene scene, PassKind kind) {
     scene.settings.threads = 1;
-    Session session;
-    session.edit() = std::move(scene);
-    session.start();
-    while (!session.wait(1000)) {
-    }
-    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
-    std::vector<float> pixels;
-    EXPECT_TRUE(session.read_pass(kind, pixels));
-    return pixels;
+    return tests::rendered(std::move(scene), kind);
 }
 
 void expect_pixels(const std::vector<float>& found, const std::vector<float>& expected, double error = 1e-4) {

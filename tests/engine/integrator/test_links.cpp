@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "session/session.h"
+#include "support/render.h"
 #include "support/scenes.h"
 
 namespace talbot {
@@ -52,14 +52,7 @@ struct Floors {
 };
 Floors render(scene::Scene scene) {
     scene.settings.threads = 1;
-    Session session;
-    session.edit() = std::move(scene);
-    session.start();
-    while (!session.wait(1000)) {
-    }
-    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
-    std::vector<float> pixels;
-    EXPECT_TRUE(session.read_pass(scene::PassKind::Combined, pixels));
+    const std::vector<float> pixels = tests::rendered(std::move(scene));
     return {double(pixels[0]), double(pixels[4])};
 }
 

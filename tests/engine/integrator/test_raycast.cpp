@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "session/session.h"
 #include "support/graph_builder.h"
+#include "support/render.h"
 #include "support/scenes.h"
 
 namespace talbot {
@@ -27,14 +27,7 @@ struct Room {
     }
     /// The middle of the picture.
     Vec3 color() const {
-        Session session;
-        session.edit() = scene;
-        session.start();
-        while (!session.wait(1000)) {
-        }
-        EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
-        std::vector<float> pixels;
-        EXPECT_TRUE(session.read_pass(scene::PassKind::Combined, pixels));
+        const std::vector<float> pixels = tests::rendered(scene);
         const float* p = &pixels[4 * (4 * 8 + 4)];
         return {p[0], p[1], p[2]};
     }

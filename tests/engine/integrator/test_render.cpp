@@ -8,6 +8,7 @@
 
 #include "base/cpu.h"
 #include "session/session.h"
+#include "support/render.h"
 #include "support/scenes.h"
 
 namespace talbot {
@@ -16,15 +17,7 @@ namespace {
 std::vector<float> render(scene::Scene scene, int threads, const std::string& isa = {}) {
     scene.settings.threads = threads;
     scene.settings.instruction_set = isa;
-    Session session;
-    session.edit() = std::move(scene);
-    session.start();
-    while (!session.wait(1000)) {
-    }
-    EXPECT_EQ(session.progress().state, SessionState::Done) << session.error();
-    std::vector<float> pixels;
-    EXPECT_TRUE(session.read_pass(scene::PassKind::Combined, pixels));
-    return pixels;
+    return tests::rendered(std::move(scene));
 }
 
 double mean_of(const std::vector<float>& rgba) {
