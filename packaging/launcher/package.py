@@ -19,6 +19,11 @@ from launcher.common import CACHE, ROOT, LauncherError, project_version, say
 COMPILER_MAJOR = "12"  # Debian 12's; newer ones ask for newer C and C++ libraries than the bundle may need
 DIST = ROOT / "dist"
 NEEDED_BYTES = 1e9
+DATA_TABLES = {
+    "hosek-wilkie": ("BSD-3-Clause", "engine/shader/hosek_sky_table.cpp"),
+    "ltc-sheen": ("Apache-2.0", "engine/closure/sheen_table.cpp"),
+}
+"""Numbers that others published: licence, and the file that begins with the notice."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,16 +80,27 @@ def build_native(pythons: list[str]) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in files}
 
 
+def data_notices() -> dict[str, bytes]:
+    """What stands at the top of the tables that others published, up to the line for the formatter."""
+    found = {}
+    for name, (_, path) in DATA_TABLES.items():
+        top = (ROOT / path).read_text().split("// clang-format off")[0]
+        lines = [line.removeprefix("//").removeprefix(" ") for line in top.splitlines()]
+        found[f"{name}/NOTICE"] = "\n".join(lines).encode()
+    return found
+
+
 def gather_notices(prefix: Path) -> dict[str, bytes]:
     """The licences of everything inside, by the name of the part."""
     found = {"talbot/LICENSE": (ROOT / "LICENSE").read_bytes()}
-    found |= archives.read_tree(prefix / "notices")
+    found |= archives.read_tree(prefix / "notices") | data_notices()
     packages = {name: package for name, (_, package) in DISTRIBUTION_PARTS.items()}
     packages |= {name: package for name, (_, package, _) in SHARED_PARTS.items()}
     for name, package in packages.items():
         found[f"{name}/copyright"] = Path(f"/usr/share/doc/{package}/copyright").read_bytes()
     licences = {part.name: part.licence for part in PARTS}
     licences |= {name: entry[0] for name, entry in (DISTRIBUTION_PARTS | SHARED_PARTS).items()}
+    licences |= {name: licence for name, (licence, _) in DATA_TABLES.items()}
     licences["pybind11"] = "BSD-3-Clause"
     lines = [f"{name}: {licence}\n" for name, licence in sorted(licences.items())]
     found["README.txt"] = f"Talbot is GPL-3.0-or-later. Inside it are:\n\n{''.join(lines)}".encode()

@@ -348,3 +348,10 @@ def test_only_what_happens_without_talbot_is_tried_again(
     (tmp_path / "report.xml").write_text(f"<testsuite>{''.join(lines)}</testsuite>")
     assert packaged.ended_alone(tmp_path / "report.xml") is again
     assert not packaged.ended_alone(tmp_path / "none.xml")
+
+
+def test_published_tables_carry_their_notices() -> None:
+    notices = package.data_notices()
+    assert b"Copyright (c) 2012 - 2013, Lukas Hosek and Alexander Wilkie" in notices["hosek-wilkie/NOTICE"]
+    assert b"Apache License, Version 2.0" in notices["ltc-sheen/NOTICE"]
+    assert not any(b"//" in notice or b"#include" in notice for notice in notices.values())
