@@ -17,6 +17,12 @@ void compile_rgb(NodeContext& n) {
     n.set_color("Color", output ? n.e.constant3(output->value[0], output->value[1], output->value[2]) : n.e.literal3(0, 0, 0));
 }
 
+/// What Blender's inliner (5.0 and newer) makes of a constant vector whose socket holds no value of its own.
+void compile_input_vector(NodeContext& n) {
+    const std::vector<float>* v = n.table("vector");
+    n.set_vector("Vector", v && v->size() == 3 ? n.e.constant3((*v)[0], (*v)[1], (*v)[2]) : n.e.literal3(0, 0, 0));
+}
+
 /// The frame's time is stored on the outputs.
 void compile_scene_time(NodeContext& n) {
     for (const char* name : {"Seconds", "Frame"})
@@ -224,6 +230,7 @@ void compile_not_this_geometry(NodeContext& n) {
 constexpr CatalogueEntry kEntries[] = {
     {"ShaderNodeValue", compile_value},
     {"ShaderNodeRGB", compile_rgb},
+    {"FunctionNodeInputVector", compile_input_vector},
     {"GeometryNodeInputSceneTime", compile_scene_time},
     {"ShaderNodeTexCoord", compile_texture_coordinate},
     {"ShaderNodeUVMap", compile_uv_map},

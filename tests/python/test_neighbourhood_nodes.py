@@ -85,7 +85,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], float]] = {
     "raycast position": (raycast("Hit Position"), 0.002),
     "raycast normal": (raycast("Hit Normal"), 0.002),
     "raycast of the object": (raycast("Hit Distance", only_local=True), 0.002),
-    "raycast up": (raycast_up, 0.002),
+    "raycast up": (raycast_up, 0.004),
     "pointiness": (lambda tree: link_node(tree, "ShaderNodeNewGeometry", "Pointiness"), 0.002),
 }
 """What feeds the emission, and how far pixels may be off on average, noise included."""

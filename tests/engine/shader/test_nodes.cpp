@@ -257,6 +257,18 @@ Rgb evaluate(const GraphBuilder& g, int version, const asset::TextureTable* text
     return out;
 }
 
+// Blender's inliner leaves such a node where a constant feeds a socket without a value of its own.
+TEST(Nodes, ConstantVectorOfTheInliner) {
+    GraphBuilder g;
+    g.surface(g.emission(g.out(g.node("FunctionNodeInputVector").table("vector", {0.25f, 0.5f, 2}).id(), "Vector", V)));
+    std::string complaints;
+    const Rgb got = evaluate(g, 502, nullptr, complaints);
+    EXPECT_EQ(complaints, "");
+    EXPECT_EQ(got.x, 0.25f);
+    EXPECT_EQ(got.y, 0.5f);
+    EXPECT_EQ(got.z, 2.0f);
+}
+
 TEST(Nodes, AnswerLikeCycles) {
     // Four by three texels, linear.
     float pixels[48];
