@@ -241,3 +241,14 @@ def color_card(width: int = 8, height: int = 6, seed: int = 1) -> Any:
     pixels = np.random.default_rng(seed).random((height, width, 4))
     pixels[..., 3] = 1
     return pixels
+
+
+def new_geometry_group(name: str) -> tuple[Any, Any, Any]:
+    """An empty geometry nodes group, geometry in and out, with the nodes of both ends."""
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        if hasattr(group, "interface"):
+            group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        else:
+            (group.inputs if way == "INPUT" else group.outputs).new("NodeSocketGeometry", "Geometry")
+    return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")

@@ -23,6 +23,7 @@ from pair_scenes import (
     look_at,
     look_down,
     material,
+    new_geometry_group,
     set_world,
     sphere_shape,
 )
@@ -178,14 +179,8 @@ def test_particle_instances(pair_scene: Any, tmp_path: Path, kind: str) -> None:
 
 def scatter_group(shape: Any) -> Any:
     """Geometry nodes: instances of an object on the points of a mesh, turned and scaled by position."""
-    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        if hasattr(group, "interface"):
-            group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-        else:
-            (group.inputs if way == "INPUT" else group.outputs).new("NodeSocketGeometry", "Geometry")
+    group, given, result = new_geometry_group("Scatter")
     nodes, link = group.nodes, group.links.new
-    given, result = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     instance, info = nodes.new("GeometryNodeInstanceOnPoints"), nodes.new("GeometryNodeObjectInfo")
     position, scale = nodes.new("GeometryNodeInputPosition"), nodes.new("ShaderNodeVectorMath")
     join = nodes.new("GeometryNodeJoinGeometry")

@@ -9,7 +9,18 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from pair_scenes import Tree, add_lamp, add_mesh, add_object, add_plane, diffuse, look_at, material, set_world
+from pair_scenes import (
+    Tree,
+    add_lamp,
+    add_mesh,
+    add_object,
+    add_plane,
+    diffuse,
+    look_at,
+    material,
+    new_geometry_group,
+    set_world,
+)
 from pairs import Bounds, agree
 
 Build = Callable[[Tree], Any]
@@ -140,14 +151,8 @@ def test_curves(pair_scene: Any, tmp_path: Path, shape: str) -> None:
 
 def points_group(item: Any) -> Any:
     """Geometry nodes: a mesh's vertices as points, their radii from an attribute."""
-    group = bpy.data.node_groups.new("Points", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        if hasattr(group, "interface"):
-            group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-        else:
-            (group.inputs if way == "INPUT" else group.outputs).new("NodeSocketGeometry", "Geometry")
+    group, given, result = new_geometry_group("Points")
     nodes, link = group.nodes, group.links.new
-    given, result = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     points, named = nodes.new("GeometryNodeMeshToPoints"), nodes.new("GeometryNodeInputNamedAttribute")
     named.inputs[0].default_value = "size"
     paint = nodes.new("GeometryNodeSetMaterial")
