@@ -117,7 +117,8 @@ class Session:
     def set_world(self, values: dict[str, Any]) -> None: ...
     def set_passes(self, names: list[str]) -> None:
         """Names: combined, depth, normal, position, uv, mist, object_index, material_index, diffuse_direct, ..., emission,
-        environment, denoising_albedo, denoising_normal, sample_count, shadow_catcher."""
+        environment, denoising_albedo, denoising_normal, sample_count, shadow_catcher; of AOV Output nodes aov_color:NAME
+        (4 channels, alpha counts what was written) and aov_value:NAME."""
 
     def add_mesh(self, name: str, arrays: MeshArrays | StrandArrays) -> int: ...
     def set_mesh(self, handle: int, name: str, arrays: MeshArrays | StrandArrays) -> None: ...

@@ -113,6 +113,11 @@ def wanted(scene: Any, view_layer: Any) -> list[Pass]:
             passes.append(Pass("Noisy Shadow Catcher", "shadow_catcher", 3))
     if cycles.get("denoising_store_passes", False):
         passes.extend(_DENOISING_DATA)
+    for aov in view_layer.aovs:
+        if aov.is_valid and aov.type == "COLOR":
+            passes.append(Pass(aov.name, f"aov_color:{aov.name}", 4, "RGBA"))
+        elif aov.is_valid:
+            passes.append(Pass(aov.name, f"aov_value:{aov.name}", 1, "X", "VALUE"))
     return passes
 
 
@@ -133,9 +138,6 @@ def not_offered(view_layer: Any) -> Iterator[str]:
     for switch, name in _NOT_OFFERED_CYCLES.items():
         if cycles.get(switch, False):
             yield name
-    for aov in view_layer.aovs:
-        if aov.is_valid:
-            yield f"AOV {aov.name}"
     for group in getattr(view_layer, "lightgroups", ()):
         yield f"Light Group {group.name}"
 

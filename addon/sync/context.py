@@ -40,6 +40,9 @@ class SyncContext:
     wanted: set[str] = field(default_factory=set)
     """Attributes some shader reads; "@tangent:NAME" for tangents, properties behind a prefix."""
 
+    aovs: frozenset[str] = frozenset()
+    """Names of the view layer's AOVs: which AOV Output nodes count."""
+
     def warn(self, text: str) -> None:
         """Adds a warning once."""
         if text not in self.warnings:

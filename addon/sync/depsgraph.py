@@ -189,6 +189,8 @@ class SceneSync:
         if self.context.viewport:
             values |= {name: self._settings[name] for name in CROP if name in self._settings}
         self.context.version = values["version"]
+        aovs = [] if self.context.viewport else [aov.name for aov in view_layer.aovs if aov.is_valid]
+        self.context.aovs = frozenset(aovs)
         if values == self._settings:
             return False
         self.session.set_settings(values)

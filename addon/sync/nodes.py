@@ -101,7 +101,7 @@ class GraphBuilder:
     def build(self, tree: Any, output: Any) -> dict[str, Any]:
         """The graph that feeds `output`."""
         flattener = Flattener()
-        flat = flattener.run(tree, output)
+        flat = flattener.run(tree, output, lambda node: node.type == "OUTPUT_AOV" and self._is_wanted_aov(node))
         for problem in flattener.problems:
             self.context.warn(f"{self.owner}: {problem}")
         self._nodes = [self._node(f) for f in flat]
@@ -109,6 +109,9 @@ class GraphBuilder:
             data["inputs"] = [item for item in (self._input(i) for i in source.inputs) if item is not None]
             self._collect_wanted(source, data)
         return {"nodes": self._nodes, "output_node": 0}
+
+    def _is_wanted_aov(self, node: Any) -> bool:
+        return aov_name(node) in self.context.aovs and (self._inlined or not node.mute)
 
     def _node(self, flat: FlatNode) -> dict[str, Any]:
         node = flat.node
@@ -192,6 +195,8 @@ class GraphBuilder:
                     self.context.warn(f"{self.owner}, node '{name}': minimum and maximum of its mapping are ignored")
             elif identifier == "object" and value is not None:
                 out["object_matrix"] = matrix_rows(value.matrix_world.inverted_safe())
+        if node.type == "OUTPUT_AOV":
+            out["aov_name"] = aov_name(node)
         if getattr(node, "sample_attribute_items", None):
             self.context.warn(f"{self.owner}, node '{name}': attributes where its ray ends are not read, they are 0")
         return out
@@ -253,6 +258,11 @@ class GraphBuilder:
             wanted.add(GENERATED)
         if properties.get("from_instancer"):
             wanted.add(INSTANCER)
+
+
+def aov_name(node: Any) -> str:
+    """Which AOV the node writes; in 3.4 it is the node's name."""
+    return getattr(node, "aov_name", node.name)
 
 
 _PROPERTIES: dict[str, list[tuple[str, str]]] = {}

@@ -9,7 +9,7 @@ Works on any Blender: where `inline_shader_nodes()` exists the tree given is sim
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,13 +27,14 @@ class Scope:
     path: tuple[str, ...] = ()
     parent: "Scope | None" = None
     group: Any = None
-    links: dict[tuple[str, str], Any] = field(default_factory=dict)
+    links: dict[tuple[int, str], Any] = field(default_factory=dict)
+    """By address of the node it leads to (3.4's AOV Output nodes may share a name) and socket."""
 
     def __post_init__(self) -> None:
         for link in self.tree.links:
             if link.is_muted or not link.is_valid or not link.to_socket.enabled or not link.from_socket.enabled:
                 continue
-            self.links[link.to_node.name, link.to_socket.identifier] = link
+            self.links[link.to_node.as_pointer(), link.to_socket.identifier] = link
 
     def uses(self, tree: Any) -> bool:
         """Whether the scope lies inside this tree: a group in itself would never end."""
@@ -95,13 +96,15 @@ class Flattener:
     def __init__(self) -> None:
         self.nodes: list[FlatNode] = []
         self.problems: list[str] = []
-        self._index: dict[tuple[tuple[str, ...], str], int] = {}
+        self._index: dict[tuple[tuple[str, ...], int], int] = {}
         self._pending: deque[int] = deque()
         self._scopes: dict[tuple[str, ...], Scope] = {}
 
-    def run(self, tree: Any, output: Any) -> list[FlatNode]:
-        """The flat nodes; the first one is `output`."""
-        self._visit(Scope(tree), output)
+    def run(self, tree: Any, output: Any, is_output: Callable[[Any], bool] = lambda _: False) -> list[FlatNode]:
+        """The flat nodes; the first one is `output`. `is_output`: what counts besides it, inside groups too."""
+        top = Scope(tree)
+        self._visit(top, output)
+        self._visit_outputs(top, is_output)
         while self._pending:
             flat = self.nodes[self._pending.popleft()]
             for socket in flat.node.inputs:
@@ -110,8 +113,28 @@ class Flattener:
                 flat.inputs.append(FlatInput(socket, self._input(flat.scope, flat.node, socket, 0)))
         return self.nodes
 
+    def _visit_outputs(self, scope: Scope, is_output: Callable[[Any], bool]) -> None:
+        for node in scope.tree.nodes:
+            if is_output(node):
+                self._visit(scope, node)
+            elif node.type in GROUP_TYPES and node.node_tree is not None and not node.mute:
+                inner = self._inner_scope(scope, node)
+                if inner is not None:
+                    self._visit_outputs(inner, is_output)
+
+    def _inner_scope(self, scope: Scope, node: Any) -> Scope | None:
+        """Inside a group node that has a group; None (and a problem) where the group contains itself."""
+        path = (*scope.path, node.name)
+        inner = self._scopes.get(path)
+        if inner is None:
+            if scope.uses(node.node_tree):
+                self.problems.append(f"Group '{node.node_tree.name}' contains itself")
+                return None
+            inner = self._scopes[path] = Scope(node.node_tree, path, scope, node)
+        return inner
+
     def _visit(self, scope: Scope, node: Any) -> int:
-        key = (scope.path, node.name)
+        key = (scope.path, node.as_pointer())
         index = self._index.get(key)
         if index is None:
             index = self._index[key] = len(self.nodes)
@@ -121,7 +144,7 @@ class Flattener:
 
     def _input(self, scope: Scope, node: Any, socket: Any, depth: int) -> Source | None:
         """What feeds an input; None when it is unlinked."""
-        link = scope.links.get((node.name, socket.identifier))
+        link = scope.links.get((node.as_pointer(), socket.identifier))
         if link is None:
             return None
         return self._output(scope, link.from_node, link.from_socket, depth + 1)
@@ -152,13 +175,9 @@ class Flattener:
         if tree is None:
             self.problems.append(f"Node '{node.name}' has lost its group")
             return Source()
-        path = (*scope.path, node.name)
-        inner = self._scopes.get(path)
+        inner = self._inner_scope(scope, node)
         if inner is None:
-            if scope.uses(tree):
-                self.problems.append(f"Group '{tree.name}' contains itself")
-                return Source()
-            inner = self._scopes[path] = Scope(tree, path, scope, node)
+            return Source()
         outputs = [n for n in tree.nodes if n.type == "GROUP_OUTPUT"]
         active = next((n for n in outputs if n.is_active_output), outputs[0] if outputs else None)
         if active is None:

@@ -102,7 +102,7 @@ bool is_single_sample(PassKind kind) {
     return kind == PassKind::Depth || kind == PassKind::Position || kind == PassKind::ObjectIndex || kind == PassKind::MaterialIndex;
 }
 
-FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers) {
+FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers, size_t aov_count) {
     bool wanted[kPassCount] = {};
     for (PassKind kind : passes) {
         if (int(kind) >= kPassCount) continue;
@@ -125,6 +125,11 @@ FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers) {
     if (has_catchers && wanted[int(PassKind::Combined)]) {
         layout.catcher = layout.stride;
         layout.stride += kCatcherFloats;
+    }
+    if (aov_count > 0) {
+        layout.aovs = layout.stride;
+        layout.stride += int(aov_count) * kAovFloats;
+        layout.data_passes = layout.data_sums = true;
     }
     return layout;
 }
@@ -181,6 +186,31 @@ Film::HalfSums Film::half_sums(PackedPixel pixel) const {
     return {{all[0], all[1], all[2]}, {second[0], second[1], second[2]}, samples_[place]};
 }
 
+/// write(the pixel's sums, 1 / samples, where to) for every pixel that has samples; the others are `empty`.
+void Film::each_pixel(size_t channels, float empty, std::span<float> out, auto&& write) const {
+    const size_t stride = size_t(layout_.stride), width = size_t(width_);
+    if (out.size() < size_t(height_) * width * channels) throw Error("Film: the buffer for a pass is too small");
+    for (int band = 0; band < height_; band += kRowsPerLock) {
+        std::lock_guard lock(mutex_);
+        const size_t end = size_t(std::min(band + kRowsPerLock, height_)) * width;
+        for (size_t i = size_t(band) * width; i < end; ++i) {
+            float* result = out.data() + i * channels;
+            if (samples_[i] > 0) {
+                write(sums_.data() + i * stride, 1.0f / float(samples_[i]), result);
+            } else {
+                std::fill_n(result, channels, empty);
+            }
+        }
+    }
+}
+
+void Film::resolve_aov(size_t aov, bool is_color, std::span<float> out) const {
+    const size_t channels = is_color ? 4 : 1, offset = size_t(layout_.aovs) + aov * kAovFloats;
+    each_pixel(channels, 0.0f, out, [&](const float* pixel, float scale, float* result) {
+        for (size_t c = 0; c < channels; ++c) result[c] = pixel[offset + c] * scale;
+    });
+}
+
 void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<float> out) const {
     const size_t channels = size_t(pass_channels(kind));
     if (out.size() < size_t(width_) * size_t(height_) * channels) throw Error("Film: the buffer for a pass is too small");
@@ -188,25 +218,9 @@ void Film::resolve(PassKind kind, const scene::Settings& settings, std::span<flo
     const bool is_light = is_light_pass(kind);
     const bool has_exposure = is_light || kind == PassKind::Combined || kind == PassKind::Emission || kind == PassKind::Environment;
     const float exposure = has_exposure ? settings.film_exposure : 1.0f, empty = kind == PassKind::Depth ? kEmptyDepth : 0.0f;
-    const size_t stride = size_t(layout_.stride), width = size_t(width_);
-
-    // write(the pixel's sums, 1 / samples, where to) for every pixel that has samples.
-    const auto each_pixel = [&](auto&& write) {
-        for (int band = 0; band < height_; band += kRowsPerLock) {
-            std::lock_guard lock(mutex_);
-            const size_t end = size_t(std::min(band + kRowsPerLock, height_)) * width;
-            for (size_t i = size_t(band) * width; i < end; ++i) {
-                float* result = out.data() + i * channels;
-                if (samples_[i] > 0) {
-                    write(sums_.data() + i * stride, 1.0f / float(samples_[i]), result);
-                } else {
-                    std::fill_n(result, channels, empty);
-                }
-            }
-        }
-    };
+    const auto each_pixel = [&](auto&& write) { this->each_pixel(channels, empty, out, write); };
     if (offset < 0) {
-        std::fill_n(out.data(), size_t(height_) * width * channels, empty);
+        std::fill_n(out.data(), size_t(height_) * size_t(width_) * channels, empty);
     } else if (kind == PassKind::SampleCount) {
         const float scale = 1.0f / float(std::max(most_samples_, 1));
         each_pixel([&](const float*, float inverse_samples, float* result) { result[0] = scale / inverse_samples; });

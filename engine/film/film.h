@@ -8,6 +8,7 @@
 ///   light, emission, colour, normal,
 ///   UV and denoising passes           sums over samples; `resolve` divides by the sample count
 ///   Mist                              sum of (1 - mist) * weight
+///   AOVs of the scene                 sums of r, g, b (or of the value), and how often something was written
 ///   SampleCount                       nothing: it is a pixel's samples over those of the pixel that took most
 ///   ShadowCatcher                     nothing of its own, see `catcher`; where it is asked for, Combined is the matte, with nothing in the catchers' place,
 ///                                     else the matte over the shadows and the background
@@ -35,6 +36,7 @@ struct FilmLayout {
     int stride = 0;             ///< floats a pixel
     int catcher = -1;           ///< where shadow catchers are: sums of the matte (r, g, b, transparency), of the catchers alone (r, g, b), the number of
                                 ///< samples that met one first, and the background behind them (r, g, b)
+    int aovs = -1;              ///< where the first of the scene's AOVs is, the others kAovFloats apart
     bool light_passes = false;  ///< any of diffuse/glossy/transmission direct/indirect
     bool data_passes = false;   ///< any pass of the first hit (depth, normal, colours ...)
     bool data_sums = false;     ///< any of these that takes every sample
@@ -43,8 +45,9 @@ struct FilmLayout {
 };
 /// Within FilmLayout::catcher.
 inline constexpr int kCatcherAlone = 4, kCatcherCount = 7, kCatcherBackground = 8, kCatcherFloats = 11;
-/// A light pass is divided by its colour pass, so it brings that one along.
-FilmLayout make_layout(std::span<const scene::PassKind> passes, bool has_catchers = false);
+inline constexpr int kAovFloats = 4;
+/// A light pass is divided by its colour pass, so it brings that one along. `aov_count`: of Scene::aovs.
+FilmLayout make_layout(std::span<const scene::PassKind> passes, bool has_catchers = false, size_t aov_count = 0);
 int pass_channels(scene::PassKind kind);
 /// True for the passes that keep one sample's value (see above).
 bool is_single_sample(scene::PassKind kind);
@@ -123,6 +126,8 @@ public:
     /// Mean of a pass as it goes to Blender: exposure applied where it belongs, light passes divided by colour, alpha composed, depth 1e10 where empty.
     /// out: width*height*pass_channels(kind). Thread-safe, any time.
     void resolve(scene::PassKind kind, const scene::Settings& settings, std::span<float> out) const;
+    /// Means of an AOV: width*height*4 of a colour (alpha counts what was written), width*height of a value.
+    void resolve_aov(size_t aov, bool is_color, std::span<float> out) const;
     int samples_at(int x, int y) const;
     /// Red, green and blue of a pixel's sums over all samples and over those of the second half, and its samples. Not while workers merge.
     struct HalfSums {
@@ -134,6 +139,7 @@ public:
     size_t bytes() const;
 
 private:
+    void each_pixel(size_t channels, float empty, std::span<float> out, auto&& write) const;
     size_t place_of(PackedPixel p) const { return size_t(pixel_y(p)) * size_t(width_) + size_t(pixel_x(p)); }
     FilmLayout layout_;
     int width_ = 0, height_ = 0;
@@ -168,6 +174,8 @@ void add_alpha(TileFilm& tile, const int32_t* pixel, const float* transparency, 
 void add_catcher_hits(TileFilm& tile, const int32_t* pixel, const float* throughput, int n);
 /// The world behind them.
 void add_background(TileFilm& tile, const int32_t* pixel, ConstColumns3 rgb, int n);
+/// One of the scene's AOVs, as it comes: neither throughput nor opacity weigh it. `writes`: by how many nodes.
+void add_aov(TileFilm& tile, int aov, int writes, const int32_t* pixel, ConstColumns3 rgb, int n);
 /// First-hit data pass of `pass_channels(kind)` columns, weighted (1 at opaque first hits; transparent ones carry their share).
 /// Single-sample passes keep the latest value until one came with a weight of at least 0.5 (Blender's pass_alpha_threshold): exactly Blender's rule when
 /// only the first sample's lanes are sent, and very nearly when all are. Mist takes `mist_amount`. Passes that are not wanted are ignored.

@@ -24,8 +24,8 @@ struct RayRecorder {
 };
 
 /// Shaders of the same kind are shaded together: they differ in constants alone.
-TALBOT_INLINE int span_kind(const shader::CompiledShader& shader) {
-    return 2 * shader.surface + int(shader.bump_correction);
+TALBOT_INLINE int64_t span_kind(const shader::CompiledShader& shader) {
+    return int64_t(shader.surface) << 32 | int64_t(shader.aov + 1) << 1 | int64_t(shader.bump_correction);
 }
 
 /// Everything a render reads; nothing in it changes while workers run.

@@ -168,13 +168,14 @@ size_t pixel_count(const NativeSession& native) {
 }
 
 py::object read_pass(const NativeSession& native, const std::string& name) {
-    const PassKind kind = pass_kind(name);
+    const std::optional<Aov> aov = aov_of(name);
+    const PassKind kind = aov ? PassKind::Combined : pass_kind(name);
     std::vector<float> pixels;
     size_t count = 0;
     bool available = false;
     {
         const py::gil_scoped_release released;
-        available = native.session.read_pass(kind, pixels);
+        available = aov ? native.session.read_aov(*aov, pixels) : native.session.read_pass(kind, pixels);
         count = pixel_count(native);
     }
     return available ? make_array(pixels, count) : py::object(py::none());
@@ -229,10 +230,13 @@ void bind_session(py::module_& module) {
              })
         .def("set_passes",
              [](Native& n, const py::object& names) {
-                 std::vector<PassKind> passes = read_passes(string_list(names));
+                 const std::vector<std::string> list = string_list(names);
+                 std::vector<PassKind> passes = read_passes(list);
+                 std::vector<Aov> aovs = read_aovs(list);
                  Scene& scene = n.edit();
                  scene.passes = std::move(passes);
-                 scene.dirty |= kDirtyPasses;
+                 scene.dirty |= aovs == scene.aovs ? kDirtyPasses : kDirtyPasses | kDirtyShaders;
+                 scene.aovs = std::move(aovs);
              })
         .def("set_lights",
              [](Native& n, const py::list& items) {

@@ -223,9 +223,26 @@ PassKind pass_kind(const std::string& name) {
     return PassKind(found - std::begin(kPasses));
 }
 
+std::optional<Aov> aov_of(const std::string& name) {
+    constexpr std::string_view color = "aov_color:", value = "aov_value:";
+    if (name.starts_with(color)) return Aov{name.substr(color.size()), true};
+    if (name.starts_with(value)) return Aov{name.substr(value.size()), false};
+    return {};
+}
+
+std::vector<Aov> read_aovs(const std::vector<std::string>& names) {
+    std::vector<Aov> out;
+    for (const std::string& name : names) {
+        const std::optional<Aov> aov = aov_of(name);
+        if (aov && std::find(out.begin(), out.end(), *aov) == out.end()) out.push_back(*aov);
+    }
+    return out;
+}
+
 std::vector<PassKind> read_passes(const std::vector<std::string>& names) {
     std::vector<PassKind> out;
     for (const std::string& name : names) {
+        if (aov_of(name)) continue;
         const PassKind kind = pass_kind(name);
         if (std::find(out.begin(), out.end(), kind) == out.end()) out.push_back(kind);
     }

@@ -1,6 +1,8 @@
 /// Dictionaries into the scene's structs. Keys are the field names of engine/scene/scene.h, enums their names in lower case.
 #pragma once
 
+#include <optional>
+
 #include "python/convert.h"
 #include "scene/scene.h"
 
@@ -18,6 +20,8 @@ scene::Shader read_shader(const py::dict& values);
 scene::ShaderGraph read_graph(const std::string& name, const py::dict& graph);
 
 std::vector<scene::PassKind> read_passes(const std::vector<std::string>& names);
-scene::PassKind pass_kind(const std::string& name);  ///< throws Error for an unknown name
+std::vector<scene::Aov> read_aovs(const std::vector<std::string>& names);
+std::optional<scene::Aov> aov_of(const std::string& name);  ///< "aov_color:NAME" or "aov_value:NAME"; none: the name of another pass
+scene::PassKind pass_kind(const std::string& name);         ///< throws Error for an unknown name
 
 }  // namespace talbot::python

@@ -290,6 +290,13 @@ enum class PassKind : uint8_t {
     ShadowCatcher,    ///< (3) light on shadow catchers over what it would be without everything else
 };
 
+/// A pass of the scene's own (Blender's AOVs), which AOV Output nodes write by its name and kind.
+struct Aov {
+    std::string name;
+    bool is_color = false;  ///< colour, or one value
+    bool operator==(const Aov&) const = default;
+};
+
 enum Dirty : uint32_t {
     kDirtyMeshes = 1,
     kDirtyObjects = 2,
@@ -319,6 +326,7 @@ struct Scene {
     std::vector<Shader> shaders;
     std::vector<std::shared_ptr<const Image>> images;
     std::vector<PassKind> passes{PassKind::Combined};
+    std::vector<Aov> aovs;  ///< shaders are compiled for these: kDirtyShaders too
     uint32_t dirty = kDirtyAll;
     std::vector<Handle> dirty_meshes;  ///< which meshes changed, when kDirtyMeshes alone would say too much
 };

@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 5;
+constexpr uint32_t kVersion = 6;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -155,6 +155,10 @@ void fields(A& a, Is<Settings> auto& s) {
       s.viewport);
 }
 template <class A>
+void fields(A& a, Is<Aov> auto& s) {
+    a(s.name, s.is_color);
+}
+template <class A>
 void fields(A& a, Is<Motion> auto& s) {
     a(s.objects, s.camera, s.camera_views, s.shutter, s.rolling, s.rolling_duration);
 }
@@ -164,6 +168,7 @@ void fields(A& a, Is<Scene> auto& s) {
     a(s.settings, s.camera, s.world, s.meshes, s.objects, s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
     a.since(3, s.motion);
     a.since(5, s.linkings);
+    a.since(6, s.aovs);
 }
 
 // ---- writing

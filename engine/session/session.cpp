@@ -1,6 +1,7 @@
 #include "session/session.h"
 
 #include <algorithm>
+#include <span>
 
 #include "session/state.h"
 
@@ -10,6 +11,20 @@ namespace {
 
 bool is_running(SessionState state) {
     return state == SessionState::Updating || state == SessionState::Rendering || state == SessionState::Paused;
+}
+
+/// The newest picture, as resolve(film, where to) gives it. Of a coarse preview each pixel covers a block.
+void read_film(const Session::State& s, size_t channels, std::vector<float>& out, auto&& resolve) {
+    out.resize(size_t(s.width) * size_t(s.height) * channels);
+    if (!s.coarse) return resolve(*s.film, out);
+    std::vector<float> blocks(size_t(s.coarse->width()) * size_t(s.coarse->height()) * channels);
+    resolve(*s.coarse, blocks);
+    for (int y = 0; y < s.height; ++y) {
+        for (int x = 0; x < s.width; ++x) {
+            const size_t from = (size_t(y / s.coarse_size) * size_t(s.coarse->width()) + size_t(x / s.coarse_size)) * channels;
+            std::copy_n(&blocks[from], channels, &out[(size_t(y) * size_t(s.width) + size_t(x)) * channels]);
+        }
+    }
 }
 
 std::vector<float> resolve(const film::Film& film, scene::PassKind kind, const scene::Settings& settings) {
@@ -169,21 +184,17 @@ bool Session::read_pass(scene::PassKind kind, std::vector<float>& out) const {
     const State& s = *state_;
     std::lock_guard lock(s.mutex);
     if (!s.film || !s.film->layout().has(kind)) return false;
-    const int channels = film::pass_channels(kind);
-    out.resize(size_t(s.width) * size_t(s.height) * size_t(channels));
-    if (!s.coarse) {
-        s.film->resolve(kind, s.scene.settings, out);
-        return true;
-    }
-    // A coarse preview: each of its pixels covers a block.
-    std::vector<float> blocks(size_t(s.coarse->width()) * size_t(s.coarse->height()) * size_t(channels));
-    s.coarse->resolve(kind, s.scene.settings, blocks);
-    for (int y = 0; y < s.height; ++y) {
-        for (int x = 0; x < s.width; ++x) {
-            const size_t from = (size_t(y / s.coarse_size) * size_t(s.coarse->width()) + size_t(x / s.coarse_size)) * size_t(channels);
-            std::copy_n(&blocks[from], channels, &out[(size_t(y) * size_t(s.width) + size_t(x)) * size_t(channels)]);
-        }
-    }
+    read_film(s, size_t(film::pass_channels(kind)), out, [&](const film::Film& film, std::span<float> to) { film.resolve(kind, s.scene.settings, to); });
+    return true;
+}
+
+bool Session::read_aov(const scene::Aov& aov, std::vector<float>& out) const {
+    const State& s = *state_;
+    std::lock_guard lock(s.mutex);
+    const auto found = std::find(s.scene.aovs.begin(), s.scene.aovs.end(), aov);
+    if (!s.film || s.film->layout().aovs < 0 || found == s.scene.aovs.end()) return false;
+    const size_t index = size_t(found - s.scene.aovs.begin());
+    read_film(s, aov.is_color ? 4 : 1, out, [&](const film::Film& film, std::span<float> to) { film.resolve_aov(index, aov.is_color, to); });
     return true;
 }
 

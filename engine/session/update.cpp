@@ -85,7 +85,8 @@ FilmPlan plan_film(const scene::Scene& scene) {
     std::vector<scene::PassKind> passes = scene.passes;
     if (settings.adaptive) passes.push_back(scene::PassKind::Combined);  // whose noise decides
     const bool crop = settings.crop_width > 0;
-    return {film::make_layout(passes, has_catchers(scene)), crop ? settings.crop_width : settings.width, crop ? settings.crop_height : settings.height};
+    return {film::make_layout(passes, has_catchers(scene), scene.aovs.size()), crop ? settings.crop_width : settings.width,
+            crop ? settings.crop_height : settings.height};
 }
 
 /// Before anything is built: a system that promises more memory than it has throws nothing, it ends the process when the memory is touched.

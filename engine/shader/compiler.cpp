@@ -82,9 +82,9 @@ private:
         out.constants = int32_t(programs_.constants.size());
 
         ConstantTable constants;
-        out.surface = add(lower(expressions, {&values.slots, values.emission, {}, values.normal, {}}, constants), shader.name);
+        out.surface = add(lower(expressions, {&values.slots, values.emission, {}, values.normal, {}, nullptr}, constants), shader.name);
         if (values.emission.valid()) {
-            out.emission = add(lower(expressions, {nullptr, values.emission, {}, {}, {}}, constants), shader.name);
+            out.emission = add(lower(expressions, {nullptr, values.emission, {}, {}, {}, nullptr}, constants), shader.name);
             out.emission_is_constant = expressions.is_known(values.emission);
             if (out.emission_is_constant)
                 out.constant_emission = {expressions.known(values.emission.x), expressions.known(values.emission.y), expressions.known(values.emission.z)};
@@ -95,15 +95,16 @@ private:
             out.emission_estimate = out.emission_is_constant ? mean : std::max(mean, 1e-3f);
         }
         if (values.transparency.valid() && shader.use_transparent_shadow) {
-            out.transparency = add(lower(expressions, {nullptr, {}, values.transparency, {}, {}}, constants), shader.name);
+            out.transparency = add(lower(expressions, {nullptr, {}, values.transparency, {}, {}, nullptr}, constants), shader.name);
             out.transparency_is_constant = expressions.is_known(values.transparency);
             if (out.transparency_is_constant)
                 out.constant_transparency = {expressions.known(values.transparency.x), expressions.known(values.transparency.y),
                                              expressions.known(values.transparency.z)};
         }
+        if (!values.aovs.empty()) out.aov = add(lower(expressions, {nullptr, {}, {}, {}, {}, &values.aovs}, constants), shader.name);
         if (values.displacement.valid()) {
             out.displacement_method = shader.displacement;
-            out.displacement = add(lower(expressions, {nullptr, {}, {}, {}, values.displacement}, constants), shader.name);
+            out.displacement = add(lower(expressions, {nullptr, {}, {}, {}, values.displacement, nullptr}, constants), shader.name);
             out.displacement_reads_camera = reads_camera(*programs_.programs[size_t(out.displacement)]);
         }
         for (int index : {out.surface, out.emission, out.transparency}) {

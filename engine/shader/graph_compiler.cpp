@@ -201,6 +201,20 @@ void GraphCompiler::displace(const scene::Node& output) {
     values.normal = bend_normal(context, request);
 }
 
+void GraphCompiler::write_aovs() {
+    for (size_t aov = 0; aov < scene.aovs.size(); ++aov) {
+        Value3 sum;
+        int nodes = 0;
+        for (size_t index = 0; index < shader.graph.nodes.size(); ++index) {
+            NodeContext context(*this, int(index), 0);
+            if (context.node.type != "ShaderNodeOutputAOV" || context.text("aov_name") != scene.aovs[aov].name) continue;
+            const Value3 value = scene.aovs[aov].is_color ? context.color("Color") : e.spread(context.value("Value"));
+            sum = nodes++ > 0 ? e.add(sum, value) : value;
+        }
+        if (nodes > 0) values.aovs.push_back({aov, sum, nodes});
+    }
+}
+
 ShaderValues GraphCompiler::compile() {
     const scene::ShaderGraph& graph = shader.graph;
     if (graph.output_node < 0 || size_t(graph.output_node) >= graph.nodes.size()) return values;
@@ -225,6 +239,7 @@ ShaderValues GraphCompiler::compile() {
         // A volume without a surface is only seen through: with the volume left out nothing of it remains.
         NodeContext(*this, graph.output_node, 0).transparent(e.literal3(1, 1, 1));
     }
+    write_aovs();
     return values;
 }
 

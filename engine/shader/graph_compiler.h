@@ -25,13 +25,21 @@ struct SlotValues {
     std::vector<Value> params;
 };
 
-/// Everything the graph's output asks for.
+/// One of Scene::aovs, and what the shader gives it: the sum of its `nodes` AOV Output nodes of that name.
+struct AovExpression {
+    size_t aov = 0;
+    Value3 value;
+    int nodes = 0;
+};
+
+/// Everything the graph's outputs ask for.
 struct ShaderValues {
     std::vector<SlotValues> slots;
     Value3 emission;      ///< not valid: none
     Value3 transparency;  ///< not valid: opaque
     Value3 normal;        ///< bent by displacement; not valid: the span's own
     Value3 displacement;  ///< world-space offset of vertices; not valid: they stay
+    std::vector<AovExpression> aovs;
     bool has_bump = false;
     SunDisc sun;
 };
@@ -83,6 +91,7 @@ public:
 private:
     void run_node(int node, int shift);
     void displace(const scene::Node& output);
+    void write_aovs();
     void mix_shaders(int root);
     void visit_shader(int node, std::set<int>& done, std::set<int>& active, std::vector<int>& order, int depth);
     void add_weight(int node, Value3 weight);

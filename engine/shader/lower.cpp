@@ -51,6 +51,8 @@ private:
         need(outputs.transparency);
         need(outputs.normal);
         need(outputs.displacement);
+        if (outputs.aovs)
+            for (const AovExpression& aov : *outputs.aovs) need(aov.value);
         for (size_t i = e_.size(); i-- > 0;) {
             if (!needed_[i]) continue;
             for (int32_t in : e_.expression(i).inputs) needed_[size_t(e_.owner(Value{in}))] = true;
@@ -84,6 +86,8 @@ private:
         pin_triple(outputs.transparency);
         pin_triple(outputs.normal);
         pin_triple(outputs.displacement);
+        if (outputs.aovs)
+            for (const AovExpression& aov : *outputs.aovs) pin_triple(aov.value);
         // Parameters are edited in place (filter glossy), so one register serves only one kind of parameter.
         if (!outputs.slots) return;
         std::map<int32_t, std::pair<int, size_t>> owner;
@@ -197,6 +201,8 @@ private:
         if (outputs.transparency.valid()) program_.transparency = triples_.at(ids(outputs.transparency));
         if (outputs.normal.valid()) program_.normal = triples_.at(ids(outputs.normal));
         if (outputs.displacement.valid()) program_.displacement = triples_.at(ids(outputs.displacement));
+        if (outputs.aovs)
+            for (const AovExpression& aov : *outputs.aovs) program_.aovs.push_back({uint16_t(aov.aov), triples_.at(ids(aov.value)), uint16_t(aov.nodes)});
         program_.register_count = registers_;
     }
 
@@ -240,6 +246,10 @@ std::string fingerprint(const Program& program) {
     put(uint32_t(program.emission) | uint32_t(program.transparency) << 16);
     put(uint32_t(program.normal) | uint32_t(program.register_count) << 16);
     put(program.displacement);
+    for (const AovValue& aov : program.aovs) {
+        put(uint32_t(aov.aov) | uint32_t(aov.first) << 16);
+        put(aov.nodes);
+    }
     return bytes;
 }
 

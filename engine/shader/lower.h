@@ -10,6 +10,7 @@ namespace talbot::shader {
 struct ProgramOutputs {
     const std::vector<SlotValues>* slots = nullptr;
     Value3 emission, transparency, normal, displacement;
+    const std::vector<AovExpression>* aovs = nullptr;
 };
 
 /// The constants of one shader, in the order in which its programs first use them.

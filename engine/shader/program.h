@@ -28,6 +28,11 @@ struct Instruction {
     uint32_t data = 0;      ///< immediate of the op
 };
 
+/// What `nodes` AOV Output nodes together give one of Scene::aovs: 3 registers in a row; of a value all three are the same.
+struct AovValue {
+    uint16_t aov = 0, first = 0, nodes = 1;
+};
+
 struct Program {
     std::vector<Instruction> code;
     std::vector<uint16_t> operands;
@@ -37,6 +42,7 @@ struct Program {
                                      ///< opaque, or another kind of program
     uint16_t normal = 0xffff;        ///< first of 3 registers: the surface's normal where displacement bends it; kNoRegister: the span's
     uint16_t displacement = 0xffff;  ///< first of 3 registers: world-space offset, in displacement programs
+    std::vector<AovValue> aovs;      ///< in AOV programs
     int register_count = 0;
     std::string name;  ///< of the first material that uses it, for reports
 };
@@ -48,12 +54,13 @@ struct SunDisc {
     float half_angle = 0;  ///< radians; 0: none
 };
 
-/// What a shader becomes: up to four programs that share nothing but constants, each holding only what its outputs need.
+/// What a shader becomes: up to five programs that share nothing but constants, each holding only what its outputs need.
 struct CompiledShader {
     int surface = -1;       ///< index into Programs::programs: all closures
     int emission = -1;      ///< emission only; also the background's and the lamp's program; -1: none
     int transparency = -1;  ///< transparency only (shadow rays); -1: opaque
     int displacement = -1;  ///< how far vertices move (run at each of them before rendering); -1: they stay
+    int aov = -1;           ///< AOV outputs; -1: none that the scene asks for
     int32_t constants = 0;  ///< offset of this shader's constants
     bool emission_is_constant = false;
     Rgb constant_emission;        ///< when constant (already times strength)

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from pair_scenes import (
+    Tree,
     add_box,
     add_lamp,
     add_mesh,
@@ -16,12 +17,14 @@ from pair_scenes import (
     add_sphere,
     diffuse,
     glow,
+    grid,
     image_of,
     look_at,
+    look_down,
     material,
     set_world,
 )
-from pairs import Bounds, agree
+from pairs import Bounds, agree, render, stacked
 
 PANORAMAS: dict[str, dict[str, float]] = {
     "EQUIRECTANGULAR": {"latitude_min": -0.6, "latitude_max": 1.2, "longitude_min": -1.5, "longitude_max": 2.5},
@@ -133,3 +136,67 @@ def test_portals(pair_scene: Any, tmp_path: Path) -> None:
     set_world(pair_scene, build=lambda tree: tree("TexEnvironment", image=image_of(pixels)))
     pair_scene.cycles.max_bounces = 1
     agree(pair_scene, tmp_path, samples=256, bounds=Bounds(0.02, 0.1))
+
+
+def write_aov(tree: Any, name: str, **values: Any) -> Any:
+    """An AOV Output node; in 3.4 its name is the AOV's."""
+    node = tree("OutputAOV", **values)
+    if hasattr(node, "aov_name"):
+        node.aov_name = name
+    else:
+        node.name = name
+    return node
+
+
+def aov_material(alpha: float, muted: bool = False, grouped: bool = False, twice: bool = False) -> Any:
+    """Writes the colour and the value; `alpha` of it is opaque."""
+
+    def build(tree: Any) -> Any:
+        place = tree("NewGeometry").outputs["Position"]
+        write_aov(tree, "Colour", Color=place).mute = muted
+        write_aov(tree, "Number", Value=tree("LightPath").outputs["Ray Depth"])
+        write_aov(tree, "Number", Value=2.5)
+        if twice:
+            write_aov(tree, "Colour", Color=(0.5, 0.25, 0.125))
+        if grouped:
+            group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+            write_aov(Tree(group), "Colour", Color=(1.0, 2.0, 3.0))
+            tree.tree.nodes.new("ShaderNodeGroup").node_tree = group
+        clear = tree("BsdfTransparent", Color=(0.9, 0.6, 0.3))
+        return tree("MixShader", in0=alpha, in1=clear, in2=tree("BsdfDiffuse"))
+
+    return material(build)
+
+
+@pytest.mark.parametrize("film_transparent", [False, True])
+def test_aovs(pair_scene: Any, tmp_path: Path, film_transparent: bool) -> None:
+    """Written by all that a camera ray meets up to the first surface that is more opaque than not, and by the world."""
+    look_down(pair_scene, 4)
+    layer = pair_scene.view_layers[0]
+    for name, kind in (("Colour", "COLOR"), ("Number", "VALUE"), ("Unused", "COLOR")):
+        aov = layer.aovs.add()
+        aov.name, aov.type = name, kind
+    places = grid(16, 4)
+    opaque = aov_material(1.0)
+    for place, alpha in zip(places[:8], (0.0, 0.1, 0.1, 0.3, 0.7, 0.7, 0.9, 1.0), strict=True):
+        add_plane(aov_material(alpha), location=place)
+        if alpha in (0.0, 0.1, 0.7):
+            add_plane(opaque, 0.5, location=(place[0], place[1], -1.0))
+    more = ({"muted": True}, {"grouped": True}, {"twice": True})
+    for place, values in zip(places[8:11], more, strict=True):
+        add_plane(aov_material(1.0, **values), location=place)
+    add_plane(diffuse(), location=places[11])
+
+    def world(tree: Any) -> Any:
+        write_aov(tree, "Colour", Color=(7.0, 8.0, 9.0))
+        write_aov(tree, "Number", Value=5.0)
+        return tree("Background", Color=(0.5, 0.2, 0.1))
+
+    set_world(pair_scene, build=world)
+    pair_scene.render.film_transparent = film_transparent
+    pair_scene.cycles.film_exposure = 2.0
+    pair_scene.cycles.max_bounces = 1
+    names = ("Combined", "Colour", "Number")
+    agree(pair_scene, tmp_path, samples=128, passes=names, bounds=Bounds(0.02, 0.1))
+    passes = render(pair_scene, "TALBOT", 0, tmp_path / "one.exr")
+    assert not stacked(passes, "Unused").any(), "registered, though nothing writes it"

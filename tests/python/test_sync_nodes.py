@@ -225,6 +225,9 @@ def test_circle_of_reroutes_is_reported(empty_scene: Any) -> None:
         def __init__(self, **values: Any) -> None:
             self.__dict__.update(values)
 
+        def as_pointer(self) -> int:
+            return id(self)
+
     socket = Thing(identifier="Input", enabled=True, hide_value=False)
     output = Thing(identifier="Output", enabled=True)
     reroute = Thing(name="R", type="REROUTE", mute=False, inputs=[socket], outputs=[output], internal_links=[])

@@ -99,6 +99,17 @@ void add_background(TileFilm& tile, const int32_t* pixel, ConstColumns3 rgb, int
     }
 }
 
+void add_aov(TileFilm& tile, int aov, int writes, const int32_t* pixel, ConstColumns3 rgb, int n) {
+    const FilmLayout& layout = tile.layout();
+    for (int i = 0; i < n; ++i) {
+        const Vec3 v = load(rgb, i);
+        if (!is_finite(v)) continue;
+        float* sums = tile.pixels() + size_t(pixel[i]) * size_t(layout.stride) + layout.aovs + aov * kAovFloats;
+        add3(sums, v);
+        sums[3] += float(writes);
+    }
+}
+
 void add_data(TileFilm& tile, scene::PassKind kind, const int32_t* pixel, const float* const* columns, const float* weight, int n) {
     using scene::PassKind;
     const FilmLayout& layout = tile.layout();

@@ -81,6 +81,16 @@ void world_radiance(const RenderContext& context, Worker& worker, const int32_t*
     }
 }
 
+/// A transparent film sees no world, and so nothing of its AOVs either.
+void write_world_aovs(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
+    const light::EmitterSummary& summary = context.emitter_summary;
+    if (context.layout->aovs < 0 || summary.world_shader < 0 || context.settings->film_transparent || worker.catcher_pass) return;
+    const shader::CompiledShader& compiled = context.programs->shaders[size_t(summary.world_shader)];
+    if (compiled.aov < 0 || !(summary.world_visibility & scene::kVisibleCamera)) return;
+    background_span(worker, lanes, n, worker.scratch.span, compiled.constants);
+    write_aovs(context, worker, compiled.aov, lanes, tile);
+}
+
 }  // namespace
 
 void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
@@ -91,6 +101,7 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
         const int32_t* span_lanes = lanes + begin;
         const int m = n - begin < kSpan ? n - begin : kSpan;
         if (context.emitter_summary.has_links) path_receivers(paths, span_lanes, m, s.receiver);
+        write_world_aovs(context, worker, span_lanes, m, tile);
         world_radiance(context, worker, span_lanes, m, s.rgb);
 
         if (context.layout->data_passes && !worker.catcher_pass) {

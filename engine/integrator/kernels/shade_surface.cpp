@@ -208,6 +208,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
     geometry::shade_points(*context.scene, worker.paths.hit, worker.paths.origin, lanes, n, s.span, s.error);
     s.span.error = s.error;
 
+    if (compiled.aov >= 0 && !worker.catcher_pass) write_aovs(context, worker, compiled.aov, lanes, tile);
     int alive = 0;
     if (compiled.surface >= 0) {
         const shader::Program& program = *context.programs->programs[size_t(compiled.surface)];

@@ -60,6 +60,10 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
 void eval_closures(SpanScratch& s, const shader::Program& program, const ClosureGeometry& geometry, const int32_t* lamp_visibility, bool shares, Columns3 f,
                    float* pdf);
 
+/// What the AOV program of the span's shaders (a surface's, or the world's) gives, for those of its lanes whose camera ray has met nothing opaque yet:
+/// it is added up over all that is met on the way, as in Cycles. Overwrites the registers.
+void write_aovs(const RenderContext& context, Worker& worker, int program, const int32_t* lanes, film::TileFilm& tile);
+
 /// Light samples of the span whose program has run; pushes shadow rays.
 void sample_light(const RenderContext& context, Worker& worker, const shader::Program& program, const ClosureGeometry& geometry, light::Stratum stratum);
 

@@ -165,5 +165,24 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     }
 }
 
+void write_aovs(const RenderContext& context, Worker& worker, int index, const int32_t* lanes, film::TileFilm& tile) {
+    const PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    int n = 0;
+    for (int i = 0; i < s.span.n; ++i) {
+        s.list[n] = i;
+        n += (paths.flags[lanes[i]] & (kPathSeesBackground | kPathDataDone)) == kPathSeesBackground;
+    }
+    if (n == 0) return;
+    const shader::Program& program = *context.programs->programs[size_t(index)];
+    shader::run_program(program, *context.programs, s.span, *context.shading, s.registers);
+    for (int k = 0; k < n; ++k) s.itmp[k] = paths.pixel[lanes[s.list[k]]];
+    for (const shader::AovValue& aov : program.aovs) {
+        const ConstColumns3 value = triple_columns(aov.first, s.registers);
+        for (int k = 0; k < n; ++k) store(s.tmp3, k, load(value, s.list[k]));
+        film::add_aov(tile, aov.aov, aov.nodes, s.itmp, s.tmp3, n);
+    }
+}
+
 }  // namespace TALBOT_ISA
 }  // namespace talbot::integrator

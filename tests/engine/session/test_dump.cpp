@@ -158,6 +158,7 @@ Scene make_scene() {
     scene.settings.ocio_config = "/somewhere/config.ocio";
     scene.settings.viewport = true;
     scene.passes = {PassKind::Combined, PassKind::Depth, PassKind::SampleCount};
+    scene.aovs = {{"Mask", false}, {"Dirt", true}};
     return scene;
 }
 
@@ -222,6 +223,7 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.settings.filter, PixelFilter::Gaussian);
     EXPECT_TRUE(loaded.settings.viewport);
     EXPECT_EQ(loaded.passes, scene.passes);
+    EXPECT_EQ(loaded.aovs, scene.aovs);
 }
 
 #if defined(__x86_64__) && defined(__GLIBCXX__)
@@ -242,7 +244,8 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Camera), 168u);
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
-    EXPECT_EQ(sizeof(Scene), 840u);
+    EXPECT_EQ(sizeof(Aov), 40u);
+    EXPECT_EQ(sizeof(Scene), 864u);
 }
 #endif
 

@@ -23,7 +23,8 @@ struct Compiled {
     scene::SceneTables tables;
     Report report;
     Programs programs;
-    explicit Compiled(std::vector<GraphBuilder> graphs, int version = 502) {
+    explicit Compiled(std::vector<GraphBuilder> graphs, int version = 502, std::vector<scene::Aov> aovs = {}) {
+        scene.aovs = std::move(aovs);
         scene.settings.version = version;
         for (GraphBuilder& g : graphs) scene.shaders.push_back(g.shader);
         programs = shader::compile_shaders(scene, tables, report);
@@ -101,6 +102,27 @@ TEST(Compiler, SharedNodeIsCompiledOnce) {
     const Compiled c = compile(g);
     ASSERT_EQ(c.surface().slots.size(), 1u);
     EXPECT_FLOAT_EQ(c.run(c.surface(), c.surface().slots[0].weight).x, 1.8f);
+}
+
+TEST(Compiler, AovsAreAProgramOfTheirOwnWhereTheSceneAsksForThem) {
+    GraphBuilder g;
+    g.node("ShaderNodeOutputAOV").text("aov_name", "Mask").set("Value", 0.25f).color("Color", {1, 2, 3});
+    g.node("ShaderNodeOutputAOV").text("aov_name", "Mask").set("Value", 0.5f).color("Color", {4, 4, 4});
+    g.node("ShaderNodeOutputAOV").text("aov_name", "Other").color("Color", {9, 9, 9});
+    g.surface(g.diffuse({0.5f, 0.5f, 0.5f}));
+    EXPECT_EQ(compile(g).shader().aov, -1);
+    const Compiled c({g}, 502, {{"Nobody's", true}, {"Mask", true}, {"Mask", false}});
+    EXPECT_EQ(c.shader(1).aov, -1) << "the default grey";
+    EXPECT_TRUE(c.surface().aovs.empty());
+    const Program& program = *c.programs.programs[size_t(c.shader().aov)];
+    ASSERT_EQ(program.aovs.size(), 2u);
+    EXPECT_EQ(program.aovs[0].aov, 1);
+    EXPECT_EQ(program.aovs[0].nodes, 2);
+    EXPECT_EQ(program.aovs[1].aov, 2);
+    const Rgb color = c.run(program, program.aovs[0].first), value = c.run(program, program.aovs[1].first);
+    EXPECT_EQ(color.x, 5);
+    EXPECT_EQ(color.z, 7);
+    EXPECT_EQ(value.x, 0.75f);
 }
 
 TEST(Compiler, MaterialsThatDifferInConstantsShareAProgram) {
