@@ -25,9 +25,10 @@ talbot_wanted_packages() {
     # What the official builds expect of the system.
     echo libx11-6 libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1 libegl1
   fi
-  case "$command $* " in package* | *" --packaged "*) echo "$talbot_bundle_packages" ;; esac
+  case $command in package | test) echo "$talbot_bundle_packages" ;; esac
   if [ "$command" = test ]; then
-    echo clang-format xvfb xauth
+    # The engine is compiled for this machine and for the packages, mostly from the same text: ccache does it once.
+    echo ccache clang-format xvfb xauth
     case " $* " in *" --sanitize "*) echo clang libclang-rt-dev ;; esac
   fi
 }

@@ -1,4 +1,4 @@
-"""`./talbot test`: lint, C++ tests, the order of the house, pytest inside each Blender; a summary line at the end."""
+"""`./talbot test`: lint, C++ tests, the order of the house, pytest inside each Blender, the packages in two of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--packaged",
         action="store_true",
-        help="what `./talbot package` makes, in every Blender, from install to uninstall",
+        help="only the packages, but all of it: in every Blender, read-only, by pip, on the wrong system",
     )
     parser.add_argument("--filter", metavar="X", help="only tests whose name contains X; no lint")
     parser.add_argument(
@@ -169,4 +169,6 @@ def run_all(arguments: argparse.Namespace) -> Tally:
             tally += skip_check(f"pytest in {name}", hosts.why_no_modules())
         else:
             tally += run_in_blender(name, arguments.filter)
+    if not arguments.filter and not arguments.blender:
+        tally += packaged.run_briefly()
     return tally

@@ -16,7 +16,13 @@ root=$(cd "$(dirname "$(readlink -f "$0")")/../.." && pwd)
 
 command -v debootstrap >/dev/null || apt-get install -y -q --no-install-recommends debootstrap
 [ -x "$tree/bin/bash" ] || debootstrap --variant=minbase --include=ca-certificates "$suite" "$tree"
+# What the network asks of this machine, it asks of the tree: name servers, certificates, pip's settings.
 cp /etc/resolv.conf "$tree/etc/resolv.conf"
+if compgen -G '/usr/local/share/ca-certificates/*.crt' > /dev/null; then
+  cp /usr/local/share/ca-certificates/*.crt "$tree/usr/local/share/ca-certificates/"
+  chroot "$tree" update-ca-certificates > /dev/null
+fi
+[ ! -f /etc/pip.conf ] || cp /etc/pip.conf "$tree/etc/pip.conf"
 # A mirror may lag behind: sid's lists are good for a week only.
 echo 'Acquire::Check-Valid-Until "false";' > "$tree/etc/apt/apt.conf.d/90mirror-may-lag"
 
