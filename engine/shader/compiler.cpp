@@ -88,9 +88,7 @@ private:
             out.emission_is_constant = expressions.is_known(values.emission);
             if (out.emission_is_constant)
                 out.constant_emission = {expressions.known(values.emission.x), expressions.known(values.emission.y), expressions.known(values.emission.z)};
-            const float mean = (std::fabs(expressions.estimate(values.emission.x)) + std::fabs(expressions.estimate(values.emission.y)) +
-                                std::fabs(expressions.estimate(values.emission.z))) /
-                               3.0f;
+            const float mean = expressions.estimate(values.emission);
             // What varies may be brighter elsewhere than at the guess: never nothing.
             out.emission_estimate = out.emission_is_constant ? mean : std::max(mean, 1e-3f);
         }

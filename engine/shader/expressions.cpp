@@ -85,26 +85,28 @@ Value Expressions::emit(Op op, uint8_t variant, std::span<const Value> inputs, i
     return memo_[key] = first;
 }
 
-void Expressions::run_one_lane(const Expression& e, std::span<const uint32_t> in, std::span<uint32_t> out) {
-    // A program of this one operation over a span of one lane; inputs are put into the registers by hand.
+void Expressions::run_alone(const Expression& e, int lanes) {
     Program program;
     Instruction instruction;
     instruction.op = e.op;
     instruction.variant = e.variant;
-    instruction.outs = uint8_t(out.size());
-    instruction.ins = uint8_t(in.size());
+    instruction.outs = e.outs;
+    instruction.ins = uint8_t(e.inputs.size());
     instruction.data = e.data;
     program.code.push_back(instruction);
-    const size_t count = in.size() + out.size();
-    for (size_t i = 0; i < count; ++i) program.operands.push_back(uint16_t(i));
-    scratch_.assign(count * kSpan, 0.0f);
+    for (size_t i = 0; i < size_t(e.outs) + e.inputs.size(); ++i) program.operands.push_back(uint16_t(i));
+    ShadingSpan span;
+    span.n = lanes;
+    run_program(program, programs_, span, ShaderContext{}, scratch_.data());
+}
+
+void Expressions::run_one_lane(const Expression& e, std::span<const uint32_t> in, std::span<uint32_t> out) {
+    scratch_.assign((in.size() + out.size()) * kSpan, 0.0f);
     for (size_t i = 0; i < in.size(); ++i) {
         float* column = &scratch_[(out.size() + i) * kSpan];
         std::fill(column, column + 16, __builtin_bit_cast(float, in[i]));
     }
-    ShadingSpan span;
-    span.n = 1;
-    run_program(program, programs_, span, ShaderContext{}, scratch_.data());
+    run_alone(e, 1);
     for (size_t i = 0; i < out.size(); ++i) std::memcpy(&out[i], &scratch_[i * kSpan], sizeof(float));
 }
 
@@ -148,35 +150,6 @@ Value Expressions::table(const std::vector<float>& data) {
     all.insert(all.end(), data.begin(), data.end());
     tables_.emplace(hash, std::pair(offset, data.size()));
     return constant_bits(uint32_t(offset));
-}
-
-float Expressions::estimate(Value v) {
-    // Expressions only read earlier ones, so one pass over what came before is enough.
-    std::vector<uint32_t> bits(owner_.size());
-    const int32_t last = owner(v);
-    std::vector<bool> needed(size_t(last) + 1, false);
-    needed[size_t(last)] = true;
-    for (int32_t i = last; i >= 0; --i) {
-        if (!needed[size_t(i)]) continue;
-        for (int32_t in : expressions_[size_t(i)].inputs) needed[size_t(owner_[size_t(in)])] = true;
-    }
-    for (int32_t i = 0; i <= last; ++i) {
-        if (!needed[size_t(i)]) continue;
-        const Expression& e = expressions_[size_t(i)];
-        if (e.op == Op::Literal || e.op == Op::Constant) {
-            bits[size_t(e.first)] = e.data;
-            continue;
-        }
-        std::vector<uint32_t> out(e.outs, __builtin_bit_cast(uint32_t, 0.5f));
-        if (is_foldable(e.op)) {
-            std::vector<uint32_t> in;
-            for (int32_t id : e.inputs) in.push_back(bits[size_t(id)]);
-            run_one_lane(e, in, out);
-        }
-        std::copy(out.begin(), out.end(), bits.begin() + e.first);
-    }
-    const float x = __builtin_bit_cast(float, bits[size_t(v.id)]);
-    return std::isfinite(x) ? x : 0.0f;
 }
 
 }  // namespace talbot::shader

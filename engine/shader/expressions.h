@@ -114,8 +114,8 @@ public:
     /// Appends a table (equal ones are shared); returns its offset as a constant in bits.
     Value table(const std::vector<float>& data);
 
-    /// A rough guess of the value where it is not known: what comes from the scene counts as 0.5.
-    float estimate(Value v);
+    /// A rough guess of the mean of |v| over a scene, for light selection (estimate.cpp).
+    float estimate(const Value3& v);
 
     const Expression& at(Value v) const { return expressions_[size_t(owner_[size_t(v.id)])]; }
     const Expression& expression(size_t index) const { return expressions_[index]; }
@@ -124,6 +124,8 @@ public:
 
 private:
     Value append(Expression e);
+    /// A program of this one operation: results come first in `scratch_`, then the inputs, kSpan floats each.
+    void run_alone(const Expression& e, int lanes);
     void run_one_lane(const Expression& e, std::span<const uint32_t> in, std::span<uint32_t> out);
 
     Programs& programs_;

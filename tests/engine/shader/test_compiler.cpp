@@ -85,6 +85,29 @@ TEST(Compiler, MixWeighsClosures) {
     EXPECT_TRUE(c.report.lines().empty());
 }
 
+TEST(Compiler, EstimateKnowsNarrowBeamsAndLampsForTheCamera) {
+    const auto math = [](GraphBuilder& g, const char* operation, const Socket& a, float b) {
+        const int node = g.node("ShaderNodeMath").text("operation", operation).link("Value", SocketKind::Float, a).set("Value_001", b).id();
+        return g.out(node, "Value", SocketKind::Float);
+    };
+    const auto estimate = [](GraphBuilder& g, const Socket& emission) {
+        g.surface(g.emission(emission));
+        return compile(g).shader().emission_estimate;
+    };
+    const auto estimate_by_ray = [&](const char* kind) {
+        GraphBuilder g;
+        const Socket flag = g.out(g.node("ShaderNodeLightPath").id(), kind, SocketKind::Float);
+        return estimate(g, math(g, "MULTIPLY", flag, 100));
+    };
+    // |y| of a direction is uniform: the beam takes a twentieth of all.
+    GraphBuilder g;
+    const Socket incoming = g.out(g.node("ShaderNodeNewGeometry").id(), "Incoming", SocketKind::Vector);
+    const Socket y = g.out(g.node("ShaderNodeSeparateXYZ").link("Vector", SocketKind::Vector, incoming).id(), "Y", SocketKind::Float);
+    EXPECT_NEAR(estimate(g, math(g, "MULTIPLY", math(g, "LESS_THAN", math(g, "ABSOLUTE", y, 0), 0.05f), 4000)), 200, 150);
+    EXPECT_EQ(estimate_by_ray("Is Camera Ray"), 1e-3f);  // never nothing
+    EXPECT_NEAR(estimate_by_ray("Is Diffuse Ray"), 50, 15);
+}
+
 TEST(Compiler, ConstantFactorDropsBranch) {
     GraphBuilder g;
     g.surface(g.mix(0.0f, g.diffuse({0.5f, 0.5f, 0.5f}), g.emission({1, 1, 1}, 5)));
