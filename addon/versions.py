@@ -75,8 +75,14 @@ _LUMINANCE = {
 
 
 def luminance_weights() -> tuple[float, float, float]:
-    """Luminance of the working space's red, green and blue."""
-    return _LUMINANCE.get(working_space(), (0.2126, 0.7152, 0.0722))
+    """Luminance of the working space's red, green and blue. Rec.709's are what each Cycles makes of its configuration's
+    rounded matrices, digit by digit: white is a little more than 1, which comparisons and hues of 1 tell."""
+    rec709 = (0.21263911, 0.71516913, 0.07219275)
+    if bpy.app.version < (4, 0, 0):
+        rec709 = (0.21267298, 0.71515262, 0.07217544)
+    elif bpy.app.version < (5, 0, 0):
+        rec709 = (0.21267404, 0.71515161, 0.07217542)
+    return _LUMINANCE.get(working_space(), rec709)
 
 
 def working_space() -> str:

@@ -215,7 +215,8 @@ void compile_wave(NodeContext& n) {
         const Point q{{e.mul(nudged(p.x), frequency), e.mul(nudged(p.y), frequency), e.mul(nudged(p.z), frequency), e.literal(0)}};
         Fractal f;
         f.detail = n.value("Detail", 2);
-        f.roughness = n.value("Detail Roughness", 0.5f);
+        const Value roughness = n.value("Detail Roughness", 0.5f);  // later versions take it as it comes
+        f.roughness = n.semantics.noise_roughness_clamped ? e.saturate(roughness) : roughness;
         f.lacunarity = e.literal(2);
         f.offset = e.literal(0);
         f.gain = e.literal(1);

@@ -157,7 +157,7 @@ void op_noise(const Instruction& i, Registers r, int n) {
                     const float share = saturate(minf(maxf(detail[k], 0.0f), 15.0f) - octave + 1.0f);
                     const float sum = out[k] + noise[k] * amplitude[k], max = total[k] + amplitude[k];
                     // The fractional octave blends results, after normalisation.
-                    const float before = normalize ? 0.5f * out[k] / (total[k] > 0.0f ? total[k] : 1.0f) : out[k];
+                    const float before = normalize ? 0.5f * out[k] / (total[k] != 0.0f ? total[k] : 1.0f) : out[k];
                     const float after = normalize ? 0.5f * sum / max : sum;
                     const bool partial = share > 0.0f && share < 1.0f;
                     const float blended = lerp(before, after, share) * (normalize ? 2.0f : 1.0f);
@@ -210,7 +210,7 @@ void op_noise(const Instruction& i, Registers r, int n) {
     }
     if (kind == NoiseKind::Fbm && normalize) {
         TALBOT_VECTOR_LOOP
-        for (int k = 0; k < n; ++k) out[k] = 0.5f * out[k] / (total[k] > 0.0f ? total[k] : 1.0f) + 0.5f;
+        for (int k = 0; k < n; ++k) out[k] = 0.5f * out[k] / (total[k] != 0.0f ? total[k] : 1.0f) + 0.5f;
     }
 }
 

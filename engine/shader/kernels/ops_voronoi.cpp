@@ -217,7 +217,8 @@ void nearest(const Lanes& s, VoronoiMetric metric, const float* exponent, bool s
             for (int c = 0; c < 4; ++c) {
                 TALBOT_VECTOR_LOOP
                 for (int k = 0; k < s.n; ++k) {
-                    const bool nearer = loser[k] < next.distance[k];
+                    // The old winner is second whatever was: of equally far points the last to be thrown out, as in Cycles.
+                    const bool nearer = (loser[k] < next.distance[k]) | (d[k] < best.distance[k]);
                     next.offset.c[c][k] = nearer ? loser_offset.c[c][k] : next.offset.c[c][k];
                     next.point.c[c][k] = nearer ? loser_point.c[c][k] : next.point.c[c][k];
                 }
