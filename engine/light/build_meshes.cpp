@@ -157,6 +157,28 @@ void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector
     reach.sin_normals = std::sqrt(1 - reach.cos_normals * reach.cos_normals);
 }
 
+/// What moves: one ball for the whole shutter, and nothing said of directions.
+void bound_moving(const TriangleSet& set, const scene::ObjectView& object, const scene::MeshView& mesh, Reach& reach) {
+    Vec3 low = set.low, high = set.high;
+    for (size_t i = 0; mesh.motion_positions && i < size_t(mesh.motion_steps) * mesh.position_count; ++i) {
+        low = min3(low, mesh.motion_positions[i]);
+        high = max3(high, mesh.motion_positions[i]);
+    }
+    Vec3 world_low = vec3(1e30f), world_high = vec3(-1e30f);
+    for (int step = 0; step < std::max(object.motion_steps, 1); ++step) {
+        const Affine& m = object.motion_steps > 0 ? object.motion[step] : object.to_world;
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3 p = transform_point(m, {corner & 1 ? high.x : low.x, corner & 2 ? high.y : low.y, corner & 4 ? high.z : low.z});
+            world_low = min3(world_low, p);
+            world_high = max3(world_high, p);
+        }
+    }
+    reach.center = (world_low + world_high) * 0.5f;
+    reach.radius = length(world_high - reach.center);
+    reach.kind = ReachKind::Isotropic;
+    reach.strength = float(0.25 * set.weight * std::pow(std::abs(double(determinant(object.to_world))), 2.0 / 3.0));
+}
+
 /// Two triangles that make a rectangle with one constant emission are sampled as a whole.
 bool as_rect(const TriangleSet& set, const MeshEmitter& emitter, const shader::Programs& programs, const EmitterTable& table, Rect& rect) {
     if (set.count != 2) return false;
@@ -213,8 +235,6 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         if (cancel && cancel->load()) throw Cancelled{};
         const scene::ObjectView& object = view.objects[i];
         if (object.mesh < 0 || object.visibility == 0) continue;
-        // What moves is found by the rays themselves: samples would have to follow it.
-        if (object.motion_steps > 0 || view.meshes[object.mesh].motion_positions) continue;
         const int32_t* slots = view.material_slots + object.material_offset;
         const bool emits = std::any_of(slots, slots + object.material_count, [&](int32_t s) { return emissive[size_t(s)].estimate > 0; });
         if (!emits) continue;
@@ -229,14 +249,20 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         emitter.count = set.count;
         emitter.root = set.root;
         emitter.to_object = object.to_object;
-        emitter.space = tree_space(object.to_world);
+        const scene::MeshView& mesh = view.meshes[object.mesh];
+        emitter.moves = object.motion_steps > 0 || mesh.motion_positions;
+        // The tree knows the normals of one shape only.
+        emitter.space = mesh.motion_positions ? TreeSpace::Bent : tree_space(object.to_world);
         emitter.map = set.map;
         emitter.object = i;
         emitter.visibility = int32_t(with_catcher_bits(object.visibility, object.is_shadow_catcher));
         emitter.blockers = int32_t(object.linking.blockers);
         emitter.front_sign = object.negative_scale ? -1.0f : 1.0f;
         Reach reach;
-        bound(set, emitter, emissive, table, reach);
+        if (emitter.moves)
+            bound_moving(set, object, mesh, reach);
+        else
+            bound(set, emitter, emissive, table, reach);
         if (!(reach.strength > 0)) continue;
         if (!std::isfinite(reach.strength) || !std::isfinite(reach.radius)) {
             report.warning("An emissive object with infinite size is not light-sampled");
@@ -246,7 +272,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         out.kind = int32_t(EmitterKind::Mesh);
         out.mesh = int32_t(table.meshes.size());
         Rect rect;
-        if (as_rect(set, emitter, programs, table, rect)) {
+        if (!emitter.moves && as_rect(set, emitter, programs, table, rect)) {
             out.kind = int32_t(EmitterKind::Rect);
             out.rect = int32_t(table.rects.size());
             table.rects.push_back(rect);

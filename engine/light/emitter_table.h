@@ -130,6 +130,7 @@ struct MeshEmitter {
     int32_t visibility = 0;
     int32_t blockers = scene::kVisibleShadow;
     float front_sign = 1;  ///< -1: the map mirrors, a triangle's world cross product points to the back
+    bool moves = false;    ///< the maps and triangles here are of one moment only; others are in the scene
 };
 
 struct Emitter {

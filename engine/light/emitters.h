@@ -59,6 +59,7 @@ struct LightQuery {
     const float *pick_u = nullptr, *pick_v = nullptr, *u = nullptr, *v = nullptr;  ///< random pairs in [0,1)
     const int32_t* bounce = nullptr;                                               ///< of the shading point (lamps' max_bounces)
     const int32_t* receiver = nullptr;                                             ///< its object's receiver set; null: everything is lit
+    const float* time = nullptr;                                                   ///< of the shutter, 0..1; null: nothing moves
     int n = 0;
 };
 
@@ -89,10 +90,10 @@ void sample_emitters(const EmitterTable& table, Stratum stratum, const LightQuer
                      const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out);
 
 /// Density (per solid angle, selection included) with which `sample_emitters` at `origin` would have chosen the surface point a BSDF ray hit:
-/// emissive triangle (object, primitive) at distance t with geometric normal n_g. 0 when it is not sampled. Infinite when samples alone bring its light: the
-/// ray was stopped by more, or less, than what casts this emitter's shadows. `receiver`: see LightQuery; the objects are lit by what the rays hit.
-void pdf_triangles(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
-                   const int32_t* primitive, const int32_t* receiver, int n, float* pdf);
+/// emissive triangle (object, primitive) at distance t. 0 when it is not sampled. Infinite when samples alone bring its light: the
+/// ray was stopped by more, or less, than what casts this emitter's shadows. `receiver`, `time`: see LightQuery; the objects are lit by what the rays hit.
+void pdf_triangles(const EmitterTable& table, const scene::SceneView& scene, ConstColumns3 origin, const float* t, const int32_t* object,
+                   const int32_t* primitive, const int32_t* receiver, const float* time, int n, float* pdf);
 
 /// The same for the world in `direction` (0 when the world is not sampled).
 void pdf_background(const EmitterTable& table, ConstColumns3 direction, const int32_t* receiver, int n, float* pdf);

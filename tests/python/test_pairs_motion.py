@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
-from pair_scenes import add_box, add_lamp, add_object, add_plane, diffuse, look_at, set_world
+from pair_scenes import add_box, add_lamp, add_object, add_plane, diffuse, glow, look_at, set_world
 from pairs import Bounds, agree
 
 FRAME = 5
@@ -139,6 +139,17 @@ def test_motion(pair_scene: Any, tmp_path: Path, move: Callable[[Any, Any], None
     move(pair_scene, box)
     pair_scene.frame_set(FRAME)
     agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+
+
+def test_emissive_box_flies_and_turns(pair_scene: Any, tmp_path: Path) -> None:
+    """Its light samples follow it."""
+    box = stage(pair_scene)
+    set_world(pair_scene, 0.0)
+    bpy.data.objects.remove(next(obj for obj in pair_scene.objects if obj.type == "LIGHT"))
+    box.data.materials[0] = glow((4.0, 2.0, 1.0), 2.0)
+    fly(box)
+    pair_scene.frame_set(FRAME)
+    agree(pair_scene, tmp_path, samples=256, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
 
 
 def test_hair_moves_with_its_object(pair_scene: Any, tmp_path: Path) -> None:

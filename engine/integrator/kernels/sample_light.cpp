@@ -119,6 +119,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     query.u = s.u1;
     query.v = s.v1;
     query.bounce = s.span.depth;
+    query.time = s.span.time;
     if (context.emitter_summary.has_links) {
         for (int i = 0; i < n; ++i) s.receiver[i] = context.scene->objects[s.span.object[i]].receiver_set;
         query.receiver = s.receiver;

@@ -81,16 +81,15 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
             const int32_t lane = s.lane[i];
             const Vec3 d = -load(span.wo, i);
             const float t = span.ray_length[i] + paths.mis_t[lane];
-            store(s.wi, k, d);
             store(s.f, k, load(span.p, i) - d * t);
             s.tmp2[k] = t;
-            const float side = span.backfacing[i] ? -1.0f : 1.0f;
-            store(s.slot_f, k, load(span.n_g, i) * side);
+            if (span.time) s.wi.x[k] = span.time[i];
             s.chosen[k] = span.object[i];
             s.list2[k] = span.primitive[i];
             s.itmp[k] = links ? s.receiver[i] : 0;
         }
-        light::pdf_triangles(*context.emitters, s.f, s.wi, s.tmp2, s.slot_f, s.chosen, s.list2, links ? s.itmp : nullptr, weighted, s.slot_pdf);
+        light::pdf_triangles(*context.emitters, *context.scene, s.f, s.tmp2, s.chosen, s.list2, links ? s.itmp : nullptr, span.time ? s.wi.x : nullptr,
+                             weighted, s.slot_pdf);
         for (int k = 0; k < weighted; ++k) {
             if (s.slot_pdf[k] > 0.0f) s.tmp[s.list[k]] *= power_heuristic(paths.bsdf_pdf[s.lane[s.list[k]]], s.slot_pdf[k]);
         }

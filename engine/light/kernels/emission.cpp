@@ -124,13 +124,13 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
 
 void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const int32_t* shader,
                          const int32_t* object, const int32_t* primitive, const float* u, const float* v, ConstColumns3 wo, const float* distance,
-                         const int32_t* depth, int n, Columns3 radiance) {
+                         const int32_t* depth, const float* time, int n, Columns3 radiance) {
     uint8_t waiting[kSpan];
     for (int i = 0; i < n; ++i) waiting[i] = shader[i] >= 0 && !programs.shaders[size_t(shader[i])].emission_is_constant;
     for (int first = 0; first < n; ++first) {
         if (!waiting[first]) continue;
         int32_t list[kSpan], identity[kSpan], hit_object[kSpan], hit_primitive[kSpan];
-        float hit_t[kSpan], hit_u[kSpan], hit_v[kSpan], error[kSpan];
+        float hit_t[kSpan], hit_u[kSpan], hit_v[kSpan], hit_time[kSpan], error[kSpan];
         int count = 0;
         for (int i = first; i < n; ++i) {
             if (!waiting[i] || shader[i] != shader[first]) continue;
@@ -142,6 +142,8 @@ void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderC
         shader::ShadingSpan& s = scratch.span;
         gather3(wo, list, count, s.wo);
         gather(distance, list, count, s.ray_length);
+        gather(time, list, count, hit_time);
+        s.time = hit_time;
         gather(distance, list, count, hit_t);
         gather(u, list, count, hit_u);
         gather(v, list, count, hit_v);

@@ -1,15 +1,13 @@
-#include "light/kernels/select_emitter.h"
+#include "light/kernels/moving_mesh.h"
 #include "light/kernels/shapes.h"
 #include "light/kernels/world_map.h"
 
 namespace talbot::light {
 inline namespace TALBOT_ISA {
 
-void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const float* t, ConstColumns3 n_g, const int32_t* object,
-                   const int32_t* primitive, const int32_t* receiver, int n, float* pdf) {
+void pdf_triangles(const EmitterTable& table_, const scene::SceneView& scene, ConstColumns3 origin, const float* t, const int32_t* object,
+                   const int32_t* primitive, const int32_t* receiver, const float* time, int n, float* pdf) {
     const EmitterView& table = table_.view;
-    (void)direction;  // the triangle and the distance say it all
-    (void)n_g;
     for (int i = 0; i < n; ++i) pdf[i] = 0.0f;
     for (int begin = 0; begin < n; begin += kSpan) {
         const int end = n < begin + kSpan ? n : begin + kSpan;
@@ -40,10 +38,13 @@ void pdf_triangles(const EmitterTable& table_, ConstColumns3 origin, ConstColumn
             } else {
                 const MeshEmitter& mesh = table.meshes[e.mesh];
                 const LightTriangle& own = table.triangles[triangle[j]];
-                const TriangleView view =
-                    view_triangle(transform_point(mesh.to_world, own.a), transform_point(mesh.to_world, own.b), transform_point(mesh.to_world, own.c), o);
+                const float now = time ? time[lane[j]] : 0.5f;
+                const Affine to_world = map_of(mesh, scene, now);
+                const WorldTriangle w = triangle_at(mesh, own, to_world, scene, now);
+                const TriangleView view = view_triangle(w.a, w.b, w.c, o);
                 const float side = own.sides == 3 ? 0.0f : (own.sides == 1 ? -mesh.front_sign : mesh.front_sign);
-                shape = view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * leaf_probability(table.nodes, own.leaf, mesh_query(mesh, o));
+                shape =
+                    view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * leaf_probability(table.nodes, own.leaf, mesh_query(mesh, to_world, o));
             }
             const float value = shape * probability[j];
             pdf[lane[j]] = has_own_blockers(table.meshes[e.mesh].blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;

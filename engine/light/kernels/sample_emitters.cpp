@@ -56,6 +56,7 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         take(query.v, group.v);
         take(query.pick_v, group.part);
         for (int i = 0; i < n; ++i) group.depth[i] = query.bounce[group.lane[i]] + 1;
+        for (int i = 0; i < n; ++i) group.time[i] = query.time ? query.time[group.lane[i]] : 0.5f;
         switch (kind) {
             case EmitterKind::Rect:
                 sample_rects(table, programs, group, found);

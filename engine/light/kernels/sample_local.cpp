@@ -1,6 +1,6 @@
 #include "light/kernels/sample_local.h"
 
-#include "light/kernels/select_emitter.h"
+#include "light/kernels/moving_mesh.h"
 
 namespace talbot::light {
 inline namespace TALBOT_ISA {
@@ -148,12 +148,14 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     int32_t shader[kSpan], primitive[kSpan];
     for (int i = 0; i < n; ++i) {
         const MeshEmitter& mesh = table.meshes[table.emitters[in.emitter[i]].mesh];
-        const int32_t leaf = descend_tree(table.nodes, mesh.root, mesh_query(mesh, {in.px[i], in.py[i], in.pz[i]}), in.part[i], choice[i]);
+        const Affine to_world = map_of(mesh, *context.scene, in.time[i]);
+        const int32_t leaf = descend_tree(table.nodes, mesh.root, mesh_query(mesh, to_world, {in.px[i], in.py[i], in.pz[i]}), in.part[i], choice[i]);
         if (leaf < 0) choice[i] = 0.0f;
         const LightTriangle& triangle = table.triangles[mesh.first + (leaf < 0 ? 0 : table.nodes[leaf].item)];
-        store({v[0], v[1], v[2]}, i, transform_point(mesh.to_world, triangle.a));
-        store({v[3], v[4], v[5]}, i, transform_point(mesh.to_world, triangle.b));
-        store({v[6], v[7], v[8]}, i, transform_point(mesh.to_world, triangle.c));
+        const WorldTriangle now = triangle_at(mesh, triangle, to_world, *context.scene, in.time[i]);
+        store({v[0], v[1], v[2]}, i, now.a);
+        store({v[3], v[4], v[5]}, i, now.b);
+        store({v[6], v[7], v[8]}, i, now.c);
         // With both sides sampled 0; else the sign that the height of a lit point has.
         sides[i] = triangle.sides == 3 ? 0.0f : (triangle.sides == 1 ? -mesh.front_sign : mesh.front_sign);
         shader[i] = triangle.shader;
@@ -182,7 +184,7 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     float wo[3][kSpan];
     for (int i = 0; i < n; ++i) store({wo[0], wo[1], wo[2]}, i, {-out.x[i], -out.y[i], -out.z[i]});
     apply_mesh_programs(programs, context, scratch, shader, out.object, primitive, out.coordinate_u, out.coordinate_v, {wo[0], wo[1], wo[2]}, out.distance,
-                        in.depth, n, {out.r, out.g, out.b});
+                        in.depth, in.time, n, {out.r, out.g, out.b});
 }
 
 }  // namespace TALBOT_ISA

@@ -15,6 +15,7 @@ struct LocalGroup {
     float u[kSpan], v[kSpan];  ///< place on the emitter
     float part[kSpan];         ///< which triangle
     int32_t depth[kSpan];      ///< bounces, one more than the point's
+    float time[kSpan];         ///< of the shutter, where something moves
 };
 
 /// What they found: pdf without the choice's probability; for delta emitters 1.

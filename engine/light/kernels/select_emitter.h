@@ -158,9 +158,4 @@ TALBOT_INLINE void choice_probability(const EmitterView& table, ConstColumns3 p,
     for (int i = 0; i < n; ++i) probability[i] /= maxf(sum[i], 1e-37f);
 }
 
-/// Where the triangles of a mesh are asked for from a point of the world.
-TALBOT_INLINE TreeQuery mesh_query(const MeshEmitter& mesh, Vec3 p) {
-    return {transform_point(mesh.to_object, p), -1, mesh.space};
-}
-
 }  // namespace talbot::light

@@ -101,11 +101,11 @@ struct Samples {
 
 /// Calls use(samples, n) for `count` samples at p; stratified pairs, or independent ones (`random`) for statistics.
 inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const std::function<void(const Samples&, int)>& use, uint32_t seed = 1,
-                        bool random = false, int bounce = 0, int receiver = -1) {
+                        bool random = false, int bounce = 0, int receiver = -1, float moment = 0) {
     std::mt19937 engine(seed);
     for (int begin = 0; begin < count; begin += kSpan) {
         const int n = std::min(kSpan, count - begin);
-        float x[kSpan], y[kSpan], z[kSpan], a[kSpan], b[kSpan], u[kSpan], v[kSpan];
+        float x[kSpan], y[kSpan], z[kSpan], a[kSpan], b[kSpan], u[kSpan], v[kSpan], time[kSpan];
         int32_t bounces[kSpan], receivers[kSpan];
         for (int i = 0; i < n; ++i) {
             x[i] = p.x;
@@ -118,6 +118,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
             v[i] = random ? unit_float(engine()) : place.y;
             bounces[i] = bounce;
             receivers[i] = receiver;
+            time[i] = moment;
         }
         LightQuery query;
         query.p = {x, y, z};
@@ -128,6 +129,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
         query.v = v;
         query.bounce = bounces;
         if (receiver >= 0) query.receiver = receivers;
+        query.time = time;
         query.n = n;
         static thread_local Samples samples;
         sample_emitters(*f.table, stratum, query, f.programs, f.context, f.scratch, samples.out());
@@ -164,7 +166,6 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
     intersect_lamps(*f.table, origin, direction, &far, &visible, 1, &lamp, &t);
     float best = t;
     int32_t object = -1, primitive = -1;
-    Vec3 normal;
     for (size_t k = 0; k < f.scene.objects.size(); ++k) {
         const scene::Mesh& mesh = *f.scene.meshes[size_t(f.scene.objects[k].mesh)];
         for (size_t q = 0; q < mesh.triangle_count(); ++q) {
@@ -180,14 +181,13 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
             best = float(s);
             object = int32_t(k);
             primitive = int32_t(q);
-            normal = normalize(n);
         }
     }
     if (object >= 0) {
         const int32_t shader = f.scene.material_sets[size_t(f.scene.objects[size_t(object)].material_set)][0];
         met.radiance = double(f.programs.shaders[size_t(shader)].constant_emission.x);
-        float pdf = 0, g[3] = {normal.x, normal.y, normal.z};
-        pdf_triangles(*f.table, origin, direction, &best, {g, g + 1, g + 2}, &object, &primitive, nullptr, 1, &pdf);
+        float pdf = 0;
+        pdf_triangles(*f.table, f.tables.view, origin, &best, &object, &primitive, nullptr, nullptr, 1, &pdf);
         met.pdf = double(pdf);
         met.distance = double(best);
     } else if (lamp >= 0) {

@@ -60,8 +60,12 @@ TEST(Tree, ProbabilitiesAreThoseOfTheChoices) {
                     expected.push_back(double(leaf_probability(table.nodes.data(), leaves[i], query)));
                     sum += expected[i];
                     const bool lit = is_lit(items[i].receivers, receiver);
-                    if (!lit) EXPECT_EQ(expected[i], 0);
-                    if (lit && space != TreeSpace::KeepsAngles) EXPECT_GT(expected[i], 0);
+                    if (!lit) {
+                        EXPECT_EQ(expected[i], 0);
+                    }
+                    if (lit && space != TreeSpace::KeepsAngles) {
+                        EXPECT_GT(expected[i], 0);
+                    }
                 }
                 constexpr int kSamples = 20000;
                 int none = 0;
@@ -184,7 +188,9 @@ TEST(Tree, AMeshOfManyTriangles) {
         f.build();
         // A sphere of radius r in distance d: E = pi L (r / d)^2.
         const double light = irradiance(f, Stratum::Local, {}, {0, 0, 1}, 1 << 15);
-        if (kind < 2) EXPECT_NEAR(light / (M_PI * 3 / 9), 1, 0.01) << kind;
+        if (kind < 2) {
+            EXPECT_NEAR(light / (M_PI * 3 / 9), 1, 0.01) << kind;
+        }
         int compared = 0;
         sample_many(f, Stratum::Local, {0.2f, -0.4f, 0.1f}, 128, [&](const Samples& s, int n) {
             for (int i = 0; i < n; ++i) {
