@@ -43,6 +43,17 @@ class SyncContext:
     aovs: frozenset[str] = frozenset()
     """Names of the view layer's AOVs: which AOV Output nodes count."""
 
+    frame: float = 0.0
+    seconds: float = 0.0
+    """The scene's time, for Scene Time nodes."""
+
+    def set_time(self, scene: Any) -> bool:
+        """True when it differs from before."""
+        before = self.frame, self.seconds
+        self.frame = scene.frame_current + scene.frame_subframe
+        self.seconds = self.frame * scene.render.fps_base / scene.render.fps
+        return before != (self.frame, self.seconds)
+
     def warn(self, text: str) -> None:
         """Adds a warning once."""
         if text not in self.warnings:

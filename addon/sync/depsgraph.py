@@ -86,6 +86,7 @@ class SceneSync:
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height, preview)
         warn_scene(context, scene)
+        context.set_time(scene)
         self.shaders.begin(None)
         if viewport:
             self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, scene=True))
@@ -116,6 +117,7 @@ class SceneSync:
             self._send_settings(scene, view_layer, width, height)
         self.images.begin(changes.images)
         self.images.refresh()
+        context.set_time(scene)
         self.shaders.begin(None)
         self._sync_frame(depsgraph, scene, view_layer, changes, (width, height), set_frame)
         return SyncResult(list(context.warnings), dict(context.timings))
@@ -307,6 +309,7 @@ class SceneSync:
             changed |= self._send_settings(scene, view_layer, self._settings["width"], self._settings["height"])
         self.images.begin(changes.images)
         changed |= self.images.refresh()
+        changes.all_shaders |= self.context.set_time(scene) and self.shaders.reads_time
         self.shaders.begin(None if changes.all_shaders else changes.shading)
         if changes.only_shading() and self._update_shaders(depsgraph, scene, view_layer):
             return changed or self.shaders.sent

@@ -83,6 +83,8 @@ class ShaderSync:
         self._seen: set[tuple[str, str]] = set()
         self.sent = False
         """Whether the last pass changed a shader."""
+        self.reads_time = False
+        """Whether some shader has shown the scene's time."""
 
     def clear(self) -> None:
         """Forgets and removes everything."""
@@ -179,6 +181,7 @@ class ShaderSync:
             return {"nodes": [], "output_node": -1}
         builder = GraphBuilder(self.context, self.images, owner, inlined is not None)
         graph = builder.build(tree, output)
+        self.reads_time |= builder.reads_time
         self._wanted[key], self._images[key] = frozenset(builder.wanted), frozenset(builder.image_handles)
         return graph
 

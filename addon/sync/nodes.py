@@ -96,6 +96,7 @@ class GraphBuilder:
         self.owner = owner
         self.wanted: set[str] = set()
         self.image_handles: set[int] = set()
+        self.reads_time = False
         self._nodes: list[dict[str, Any]] = []
 
     def build(self, tree: Any, output: Any) -> dict[str, Any]:
@@ -122,6 +123,9 @@ class GraphBuilder:
             kind = socket_kind(socket)
             if kind is not None and socket.enabled:
                 outputs.append((socket.identifier, kind, socket_value(socket, kind)))
+        if node.bl_idname == "GeometryNodeInputSceneTime":
+            self.reads_time = True
+            outputs = [("Seconds", "FLOAT", self.context.seconds), ("Frame", "FLOAT", self.context.frame)]
         return {
             "type": node.bl_idname,
             "name": name,
@@ -198,7 +202,7 @@ class GraphBuilder:
         if node.type == "OUTPUT_AOV":
             out["aov_name"] = aov_name(node)
         if getattr(node, "sample_attribute_items", None):
-            self.context.warn(f"{self.owner}, node '{name}': attributes where its ray ends are not read, they are 0")
+            out.update(sampled_attributes(node))
         return out
 
     def _add_ies(self, node: Any, name: str, out: dict[str, Any]) -> None:
@@ -242,6 +246,8 @@ class GraphBuilder:
                 wanted.update((uv, f"@tangent:{uv}") if uv else (ACTIVE_UV, ACTIVE_TANGENT))
         elif kind in UNLINKED_GENERATED and vector_unlinked:
             wanted.add(GENERATED)
+        elif kind == "ShaderNodeRaycast":
+            wanted.update(name for key, name in properties.items() if key.startswith("attribute_") and name)
         elif kind == "ShaderNodeParticleInfo":
             wanted.add(PARTICLE)
         elif kind == "ShaderNodeBsdfHairPrincipled" and properties.get("model") == "HUANG":
@@ -258,6 +264,12 @@ class GraphBuilder:
             wanted.add(GENERATED)
         if properties.get("from_instancer"):
             wanted.add(INSTANCER)
+
+
+def sampled_attributes(node: Any) -> dict[str, str]:
+    """Names of attributes that a Raycast node reads where its ray ends: "attribute_3" for the output Attribute_3."""
+    inputs = [socket for socket in node.inputs if socket.type == "STRING" and socket.identifier.startswith("Value_")]
+    return {socket.identifier.replace("Value_", "attribute_"): socket.default_value for socket in inputs}
 
 
 def aov_name(node: Any) -> str:

@@ -90,21 +90,25 @@ void compile_color_ramp(NodeContext& n) {
     n.set("Alpha", n.e.after(out, 3));
 }
 
-/// One channel of the node's curve mapping, applied to x.
-Value curve(NodeContext& n, size_t channel, size_t channels, Value x) {
-    const std::vector<float>* all = n.table("mapping");
-    if (!all || all->size() < 2 * channels) return x;
-    std::vector<float> table;
-    for (size_t i = channel; i < all->size(); i += channels) table.push_back((*all)[i]);
+/// The node's curve mapping.
+struct CurveMapping {
+    Value offset, count, low, scale;
+    uint8_t variant = 0;
+    bool exists = false;
+};
+CurveMapping curve_mapping(NodeContext& n, size_t channels) {
+    const std::vector<float>* table = n.table("mapping");
+    if (!table || table->size() < 2 * channels) return {};
     const double low = n.number("mapping_min", 0), high = n.number("mapping_max", 1);
     const bool extrapolate = n.text("mapping_extend", "EXTRAPOLATED") == "EXTRAPOLATED";
-    const Value count = n.e.constant_bits(uint32_t(table.size()));
-    const Value scale = n.e.constant(high > low ? float(1.0 / (high - low)) : 0.0f);
-    return n.e.emit(Op::Curve, extrapolate ? 1 : 0, {x, n.e.table(table), count, n.e.constant(float(low)), scale});
+    const Value count = n.e.constant_bits(uint32_t(table->size() / channels)), scale = n.e.constant(high > low ? float(1.0 / (high - low)) : 0.0f);
+    return {n.e.table(*table), count, n.e.constant(float(low)), scale, uint8_t(extrapolate ? 1 : 0), true};
 }
 
 Value3 curves(NodeContext& n, Value3 v) {
-    return n.e.lerp(v, Value3{curve(n, 0, 4, v.x), curve(n, 1, 4, v.y), curve(n, 2, 4, v.z)}, n.value("Fac", 1));
+    const CurveMapping m = curve_mapping(n, 4);
+    if (!m.exists) return v;
+    return n.e.lerp(v, n.e.emit3(Op::Curves, m.variant, {v.x, v.y, v.z, m.offset, m.count, m.low, m.scale}), n.value("Fac", 1));
 }
 void compile_rgb_curves(NodeContext& n) {
     n.set_color("Color", curves(n, n.color("Color", {1, 1, 1})));
@@ -114,28 +118,23 @@ void compile_vector_curves(NodeContext& n) {
 }
 void compile_float_curve(NodeContext& n) {
     const Value x = n.value("Value", 1);
-    n.set("Value", n.e.lerp(x, curve(n, 0, 1, x), n.value("Factor", 1)));
+    const CurveMapping m = curve_mapping(n, 1);
+    n.set("Value", m.exists ? n.e.lerp(x, n.e.emit(Op::Curve, m.variant, {x, m.offset, m.count, m.low, m.scale}), n.value("Factor", 1)) : x);
 }
 
 /// Table over equal steps of `x` between low and high; clamped beyond.
 Value3 lookup(Expressions& e, const std::vector<Rgb>& table, Value x, float low, float high) {
-    std::vector<float> channel[3];
-    for (const Rgb& c : table) {
-        channel[0].push_back(c.x);
-        channel[1].push_back(c.y);
-        channel[2].push_back(c.z);
-    }
-    const auto one = [&](size_t c) {
-        return e.emit(Op::Curve, 0, {x, e.table(channel[c]), e.literal_bits(uint32_t(table.size())), e.literal(low), e.literal(1.0f / (high - low))});
-    };
-    return {one(0), one(1), one(2)};
+    std::vector<float> rows;
+    for (const Rgb& c : table) rows.insert(rows.end(), {c.x, c.y, c.z, 0.0f});
+    const uint32_t steps = uint32_t(table.size() - 1);
+    return e.emit3(Op::Lookup, 0, {x, e.table(rows), e.literal(low), e.literal(float(steps) / (high - low))}, steps);
 }
 
 void compile_blackbody(NodeContext& n) {
     // Even steps in 1/T follow the curve's bend at low temperatures.
     Expressions& e = n.e;
     const Value inverse = e.div(e.literal(1), e.max(n.value("Temperature", 6500), 1.0f));
-    n.set_color("Color", e.max(lookup(e, blackbody_table(), inverse, 1.0f / kBlackbodyHot, 1.0f / kBlackbodyCold), 0.0f));
+    n.set_color("Color", lookup(e, blackbody_table(), inverse, 1.0f / kBlackbodyHot, 1.0f / kBlackbodyCold));
 }
 
 void compile_wavelength(NodeContext& n) {

@@ -96,11 +96,11 @@ void compile_object_info(NodeContext& n) {
     n.set("Random", field(ObjectField::Random));
 }
 
-void set_attribute(NodeContext& n, const std::array<Value, 4>& a) {
+void set_attribute(NodeContext& n, const std::array<Value, 5>& a) {
     const Value3 rgb{a[0], a[1], a[2]};
     n.set_color("Color", rgb);
     n.set_vector("Vector", rgb);
-    n.set("Fac", n.e.mul(n.e.add(n.e.add(a[0], a[1]), a[2]), 1.0f / 3.0f));
+    n.set("Fac", a[4]);
     n.set("Alpha", a[3]);
 }
 

@@ -37,12 +37,27 @@ void compile_raycast(NodeContext& n) {
     Expressions& e = n.e;
     const Value3 p = n.linked("Position") ? n.vector("Position") : n.position();
     const Value3 d = n.linked("Direction") ? n.vector("Direction") : e.input3(InputColumn::NormalX);
-    const Value hit = e.emit(Op::Raycast, n.flag("only_local") ? 1 : 0, {p.x, p.y, p.z, d.x, d.y, d.z, n.value("Length", 1)}, 9);
+    const Value hit = e.emit(Op::Raycast, n.flag("only_local") ? 1 : 0, {p.x, p.y, p.z, d.x, d.y, d.z, n.value("Length", 1)}, 13);
     n.set("Is Hit", hit);
     n.set("Self Hit", e.after(hit, 1));
     n.set("Hit Distance", e.after(hit, 2));
     n.set_vector("Hit Position", e.triple(e.after(hit, 3)));
     n.set_vector("Hit Normal", e.triple(e.after(hit, 6)));
+    // Attributes of what was hit: socket "Attribute_3" shows the one whose name is the property "attribute_3".
+    for (const scene::NodeOutput& output : n.node.outputs) {
+        static constexpr std::string_view prefix = "Attribute_";
+        if (!output.identifier.starts_with(prefix)) continue;
+        const std::string name = n.text(("attribute_" + output.identifier.substr(prefix.size())).c_str());
+        const uint32_t id = uint32_t(n.graph().tables.attribute_id(name));
+        const Value a = e.emit(Op::AttributeAt, 0, {e.after(hit, 9), e.after(hit, 10), e.after(hit, 11), e.after(hit, 12)}, 5, id);
+        if (output.kind == scene::SocketKind::Float) {
+            n.set(output.identifier.c_str(), e.after(a, 4));
+        } else if (output.kind == scene::SocketKind::Vector) {
+            n.set_vector(output.identifier.c_str(), e.triple(a));
+        } else {
+            n.set_color(output.identifier.c_str(), e.triple(a));
+        }
+    }
 }
 
 void compile_wireframe(NodeContext& n) {

@@ -226,7 +226,7 @@ Value3 bend_undisplaced_normal(NodeContext& n, Value width) {
     const Value3 x = e.triple(basis), y = e.triple(e.after(basis, 3));
     const auto barycentrics = [&](Value3 offset) { return e.emit(Op::ShiftBarycentrics, 0, {offset.x, offset.y, offset.z}, 2); };
     const auto undisplaced = [&](Value u, Value v) {
-        return e.triple(e.emit(Op::Attribute, uint8_t(AttributeSource::Geometry), {u, v}, 4, uint32_t(n.graph().tables.attribute_id(scene::kUndisplaced))));
+        return e.triple(e.emit(Op::Attribute, uint8_t(AttributeSource::Geometry), {u, v}, 5, uint32_t(n.graph().tables.attribute_id(scene::kUndisplaced))));
     };
     // How the undisplaced point follows the displaced one is the same all over the triangle's plane: taken over a way so long that rounding is small.
     const Value3 here = undisplaced(e.input(InputColumn::BarycentricU), e.input(InputColumn::BarycentricV));

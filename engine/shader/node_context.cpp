@@ -216,10 +216,10 @@ Value3 NodeContext::generated() {
     return e.emit3(Op::Generated, 0, {barycentric_u(), barycentric_v(), p.x, p.y, p.z}, id);
 }
 
-std::array<Value, 4> NodeContext::attribute(const std::string& name, AttributeSource source) {
+std::array<Value, 5> NodeContext::attribute(const std::string& name, AttributeSource source) {
     const uint32_t id = uint32_t(graph_.tables.attribute_id(name));
-    const Value v = e.emit(Op::Attribute, uint8_t(source), {barycentric_u(), barycentric_v()}, 4, id);
-    return {v, e.after(v, 1), e.after(v, 2), e.after(v, 3)};
+    const Value v = e.emit(Op::Attribute, uint8_t(source), {barycentric_u(), barycentric_v()}, 5, id);
+    return {v, e.after(v, 1), e.after(v, 2), e.after(v, 3), e.after(v, 4)};
 }
 
 Value3 NodeContext::to_object(Value3 v, TransformKind kind) {

@@ -77,8 +77,8 @@ public:
     Value3 shading_normal();  ///< bent by displacement
     Value3 geometric_normal() { return e.input3(InputColumn::GeometricX); }
     Value3 incoming() { return e.input3(InputColumn::IncomingX); }
-    /// Four components of a mesh (or object) attribute.
-    std::array<Value, 4> attribute(const std::string& name, AttributeSource source = AttributeSource::Geometry);
+    /// Four components of a mesh (or object) attribute, and what a number reads of them.
+    std::array<Value, 5> attribute(const std::string& name, AttributeSource source = AttributeSource::Geometry);
     Value3 to_object(Value3 v, TransformKind kind);
     Value3 affine(const std::vector<float>& matrix, Value3 v, int variant);
     Value luminance(Value3 color);

@@ -24,7 +24,7 @@ enum class Op : uint16_t {
     CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
     Window,             ///< world position -> x, y of the film in 0..1
-    Attribute,          ///< u, v -> 4 components. data: attribute id; variant: AttributeSource
+    Attribute,          ///< u, v -> 4 components, and what a number reads of them. data: attribute id; variant: AttributeSource
     Generated,          ///< u, v, object position -> vector. data: id of "@generated"
     VertexNormal,       ///< u, v -> interpolated unnormalised object-space normal (geometric on flat faces), facing the front side
     ObjectValue,        ///< -> x. variant: ObjectField
@@ -39,6 +39,8 @@ enum class Op : uint16_t {
     HueSaturation,  ///< hue, saturation, value, factor, rgb -> rgb
     Ramp,           ///< factor, offset bits, count bits -> rgba. variant: 1 constant interpolation
     Curve,          ///< x, offset bits, count bits, min, 1/(max - min) -> y. variant: 1 extrapolate
+    Curves,         ///< r, g, b, offset bits, count bits, min, 1/(max - min) -> rgb, each by its own curve; four floats a step. variant: 1 extrapolate
+    Lookup,         ///< x, offset bits, min, steps/(max - min) -> rgb, between equal steps, held at the ends; four floats a step. data: number of steps
 
     // Textures
     Project,       ///< vector -> u, v. variant: ProjectKind
@@ -61,13 +63,15 @@ enum class Op : uint16_t {
     Grid,  ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
 
     // Surface
-    Fresnel,    ///< cosine, eta -> reflectance
-    Bump,       ///< normal, dP/dx, dP/dy, h, hx, hy, strength, distance, filter width -> normal
-    Wireframe,  ///< size, p -> 1 near an edge of the triangle. variant: 1 size in pixels. Not foldable
-    Occlusion,  ///< normal, distance -> unoccluded share. variant: 1 inside | 2 own object only; data: samples, salt << 8. Not foldable
-    Bevel,      ///< radius -> normal. data: samples, salt << 8. Not foldable
-    Raycast,    ///< origin, direction, length -> hit, hit on the own object, distance, position, normal. variant: 1 own object only. Not foldable
-    Random,     ///< -> u, v. data: dimension salt. Not foldable
+    Fresnel,      ///< cosine, eta -> reflectance
+    Bump,         ///< normal, dP/dx, dP/dy, h, hx, hy, strength, distance, filter width -> normal
+    Wireframe,    ///< size, p -> 1 near an edge of the triangle. variant: 1 size in pixels. Not foldable
+    Occlusion,    ///< normal, distance -> unoccluded share. variant: 1 inside | 2 own object only; data: samples, salt << 8. Not foldable
+    Bevel,        ///< radius -> normal. data: samples, salt << 8. Not foldable
+    Raycast,      ///< origin, direction, length -> hit, hit on the own object, distance, position, normal, object bits (-1: none), primitive bits, u, v.
+                  ///< variant: 1 own object only. Not foldable
+    AttributeAt,  ///< object bits, primitive bits, u, v -> as Attribute, 0 where there is no object. data: attribute id. Not foldable
+    Random,       ///< -> u, v. data: dimension salt. Not foldable
 
     // Closure parameters: kernels/ops_closure*.cpp
     Closure,  ///< variant: ClosureOp (ops_closure.h); operands by variant. Foldable
@@ -249,6 +253,7 @@ inline constexpr bool is_foldable(Op op) {
         case Op::Occlusion:
         case Op::Bevel:
         case Op::Raycast:
+        case Op::AttributeAt:
         case Op::Random:
             return false;
         default:

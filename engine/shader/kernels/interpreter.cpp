@@ -84,6 +84,12 @@ void run_program(const Program& program, const Programs& programs, const Shading
             case Op::Curve:
                 op_curve(i, r, n, scope);
                 break;
+            case Op::Curves:
+                op_curves(i, r, n, scope);
+                break;
+            case Op::Lookup:
+                op_lookup(i, r, n, scope);
+                break;
             case Op::Project:
                 op_project(i, r, n);
                 break;
@@ -149,6 +155,9 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 break;
             case Op::Raycast:
                 op_raycast(i, r, n, scope);
+                break;
+            case Op::AttributeAt:
+                op_attribute_at(i, r, n, scope);
                 break;
             case Op::Random:
                 op_random(i, r, n, scope);

@@ -31,6 +31,7 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
 void op_camera_transform(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_window(Registers r, int n, const OpScope& scope);
 void op_attribute(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_attribute_at(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_generated(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_vertex_normal(Registers r, int n, const OpScope& scope);
 void op_object_value(const Instruction& i, Registers r, int n, const OpScope& scope);
@@ -43,6 +44,8 @@ void op_color_convert(const Instruction& i, Registers r, int n);
 void op_hue_saturation(Registers r, int n);
 void op_ramp(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_curve(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_curves(const Instruction& i, Registers r, int n, const OpScope& scope);
+void op_lookup(const Instruction& i, Registers r, int n, const OpScope& scope);
 
 void op_project(const Instruction& i, Registers r, int n);
 void op_box_weights(Registers r, int n);

@@ -198,6 +198,17 @@ void op_hue_saturation(Registers r, int n) {
     }
 }
 
+/// A curve's value at `x` of its range, 0 to 1. Beyond the ends x stays in the first or last cell: that is the extrapolation.
+TALBOT_INLINE float curve_at(const float* table, int32_t offset, int32_t stride, int32_t last, float x, float extrapolate) {
+    const float f = x * float(last);
+    const float inside = minf(maxf(f, 0.0f), float(last));
+    const int32_t whole = int32_t(inside);
+    const int32_t cell = whole < last - 1 ? whole : (last - 1 > 0 ? last - 1 : 0);
+    const float t = inside - float(cell) + (f - inside) * extrapolate;
+    const float a = table[offset + stride * cell], b = table[offset + stride * (cell + (last > 0 ? 1 : 0))];
+    return a + (b - a) * t;
+}
+
 void op_ramp(const Instruction& i, Registers r, int n, const OpScope& s) {
     const float* __restrict table = s.programs.tables.data();
     Column red = r[0], green = r[1], blue = r[2], alpha = r[3];
@@ -224,16 +235,36 @@ void op_curve(const Instruction& i, Registers r, int n, const OpScope& s) {
     ConstColumn x = r[1], offset = r[2], count = r[3], low = r[4], scale = r[5];
     const float extrapolate = i.variant == 1 ? 1.0f : 0.0f;
     TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) y[k] = curve_at(table, as_int(offset[k]), 1, as_int(count[k]) - 1, (x[k] - low[k]) * scale[k], extrapolate);
+}
+
+void op_curves(const Instruction& i, Registers r, int n, const OpScope& s) {
+    const float* __restrict table = s.programs.tables.data();
+    Column red = r[0], green = r[1], blue = r[2];
+    ConstColumn x = r[3], y = r[4], z = r[5], offset = r[6], count = r[7], low = r[8], scale = r[9];
+    const float extrapolate = i.variant == 1 ? 1.0f : 0.0f;
+    TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
-        const int32_t last = as_int(count[k]) - 1;
-        // Beyond the ends t leaves 0..1 in the first or last cell: that is the extrapolation.
-        const float f = (x[k] - low[k]) * scale[k] * float(last);
-        const float inside = minf(maxf(f, 0.0f), float(last));
-        const int32_t whole = int32_t(inside);
-        const int32_t cell = whole < last - 1 ? whole : (last - 1 > 0 ? last - 1 : 0);
-        const float t = inside - float(cell) + (f - inside) * extrapolate;
-        const float a = table[as_int(offset[k]) + cell], b = table[as_int(offset[k]) + cell + (last > 0 ? 1 : 0)];
-        y[k] = a + (b - a) * t;
+        const int32_t first = as_int(offset[k]), last = as_int(count[k]) - 1;
+        red[k] = curve_at(table, first, 4, last, (x[k] - low[k]) * scale[k], extrapolate);
+        green[k] = curve_at(table, first + 1, 4, last, (y[k] - low[k]) * scale[k], extrapolate);
+        blue[k] = curve_at(table, first + 2, 4, last, (z[k] - low[k]) * scale[k], extrapolate);
+    }
+}
+
+void op_lookup(const Instruction& i, Registers r, int n, const OpScope& s) {
+    const float* __restrict table = s.programs.tables.data();
+    Column red = r[0], green = r[1], blue = r[2];
+    ConstColumn x = r[3], offset = r[4], low = r[5], scale = r[6];
+    const float steps = float(i.data), last = steps - 1.0f;
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) {
+        const float f = minf(maxf((x[k] - low[k]) * scale[k], 0.0f), steps);
+        const int32_t cell = int32_t(minf(f, last)), a = as_int(offset[k]) + 4 * cell;
+        const float t = f - float(cell);
+        red[k] = table[a] + (table[a + 4] - table[a]) * t;
+        green[k] = table[a + 1] + (table[a + 5] - table[a + 1]) * t;
+        blue[k] = table[a + 2] + (table[a + 6] - table[a + 2]) * t;
     }
 }
 

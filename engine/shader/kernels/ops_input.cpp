@@ -71,16 +71,22 @@ TALBOT_INLINE Triangle corners_of(const uint32_t* table, int32_t primitive) {
     return {t[0], t[1], t[2]};
 }
 
-/// Attribute at barycentrics (u, v); missing components are 0, a missing fourth one is 1.
-TALBOT_INLINE void read_attribute(const scene::AttributeView& a, const scene::MeshView* mesh, int32_t primitive, float u, float v, float out[4]) {
-    out[0] = out[1] = out[2] = out[3] = 0.0f;
+TALBOT_INLINE void complete(size_t components, float out[5]) {
+    if (components == 1) out[1] = out[2] = out[0];
+    if (components < 4) out[3] = 1.0f;
+    out[4] = components <= 2 ? out[0] : (out[0] + out[1] + out[2]) * (1.0f / 3.0f);
+}
+
+/// Attribute at barycentrics (u, v): four components, missing ones are 0, a missing fourth one is 1; and the number it stands for, of two components the
+/// first, else the mean.
+TALBOT_INLINE void read_attribute(const scene::AttributeView& a, const scene::MeshView* mesh, int32_t primitive, float u, float v, float out[5]) {
+    out[0] = out[1] = out[2] = out[3] = out[4] = 0.0f;
     if (!a.data) return;
     size_t e[3] = {0, 0, 0};
     const size_t components = a.components;
     if (mesh && mesh->kind != scene::GeometryKind::Triangles && a.domain != scene::Domain::Object) {
         read_strand(a, *mesh, primitive, u, out);
-        if (components == 1) out[1] = out[2] = out[0];
-        if (components < 4) out[3] = 1.0f;
+        complete(components, out);
         return;
     }
     if (a.domain != scene::Domain::Object) {
@@ -97,8 +103,7 @@ TALBOT_INLINE void read_attribute(const scene::AttributeView& a, const scene::Me
     const float w = 1.0f - u - v;
     for (size_t k = 0; k < components && k < 4; ++k)
         out[k] = w * a.data[e[0] * components + k] + u * a.data[e[1] * components + k] + v * a.data[e[2] * components + k];
-    if (components == 1) out[1] = out[2] = out[0];
-    if (components < 4) out[3] = 1.0f;
+    complete(components, out);
 }
 
 TALBOT_INLINE Vec3 transform(const Affine& to_world, const Affine& to_object, TransformKind kind, Vec3 v) {
@@ -260,18 +265,33 @@ void op_window(Registers r, int n, const OpScope& s) {
 void op_attribute(const Instruction& i, Registers r, int n, const OpScope& s) {
     const int32_t id = int32_t(i.data);
     for (int k = 0; k < s.span.n; ++k) {
-        float value[4] = {0, 0, 0, 0};
+        float value[5] = {};
         const int32_t object = object_of(s, k);
         if (object >= 0 && id < s.context.scene->attribute_count) {
             const scene::MeshView* mesh = mesh_of(s, k);
             const scene::AttributeView* views = AttributeSource(i.variant) == AttributeSource::Object ? s.context.scene->objects[object].attributes
                                                 : mesh                                                ? mesh->attributes
                                                                                                       : nullptr;
-            if (views) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[4][k], r[5][k], value);
+            if (views) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[5][k], r[6][k], value);
         }
-        for (int c = 0; c < 4; ++c) r[c][k] = value[c];
+        for (int c = 0; c < 5; ++c) r[c][k] = value[c];
     }
-    pad(r, 4, s.span.n, n);
+    pad(r, 5, s.span.n, n);
+}
+
+void op_attribute_at(const Instruction& i, Registers r, int n, const OpScope& s) {
+    const int32_t id = int32_t(i.data);
+    const scene::SceneView* scene = s.context.scene;
+    for (int k = 0; k < s.span.n; ++k) {
+        float value[5] = {};
+        const int32_t object = as_int(r[5][k]), primitive = as_int(r[6][k]);
+        if (scene && object >= 0 && object < scene->object_count && id < scene->attribute_count && scene->objects[object].mesh >= 0) {
+            const scene::MeshView& mesh = scene->meshes[scene->objects[object].mesh];
+            if (mesh.attributes) read_attribute(mesh.attributes[id], &mesh, primitive, r[7][k], r[8][k], value);
+        }
+        for (int c = 0; c < 5; ++c) r[c][k] = value[c];
+    }
+    pad(r, 5, s.span.n, n);
 }
 
 void op_generated(const Instruction& i, Registers r, int n, const OpScope& s) {
@@ -280,7 +300,7 @@ void op_generated(const Instruction& i, Registers r, int n, const OpScope& s) {
         Vec3 g{r[5][k], r[6][k], r[7][k]};
         if (const scene::MeshView* mesh = mesh_of(s, k)) {
             if (id < s.context.scene->attribute_count && mesh->attributes && mesh->attributes[id].data) {
-                float value[4];
+                float value[5];
                 read_attribute(mesh->attributes[id], mesh, s.span.primitive[k], r[3][k], r[4][k], value);
                 g = {value[0], value[1], value[2]};
             } else {

@@ -257,8 +257,8 @@ void op_raycast(const Instruction& i, Registers r, int n, const OpScope& s) {
     const Columns3 origin{rays.origin[0], rays.origin[1], rays.origin[2]}, direction{rays.direction[0], rays.direction[1], rays.direction[2]};
     float error[kSpan];
     for (int k = 0; k < lanes; ++k) {
-        const Vec3 p{r[9][k], r[10][k], r[11][k]}, d{r[12][k], r[13][k], r[14][k]}, here = load(s.span.p, k);
-        const float length = r[15][k], squares = dot(d, d);
+        const Vec3 p{r[13][k], r[14][k], r[15][k]}, d{r[16][k], r[17][k], r[18][k]}, here = load(s.span.p, k);
+        const float length = r[19][k], squares = dot(d, d);
         store(origin, k, p);
         store(direction, k, d);
         const bool at_surface = p.x == here.x && p.y == here.y && p.z == here.z;
@@ -287,11 +287,15 @@ void op_raycast(const Instruction& i, Registers r, int n, const OpScope& s) {
         }
         r[0][k] = hit ? 1.0f : 0.0f;
         r[1][k] = hit && rays.object[k] == object_at(s, k) ? 1.0f : 0.0f;
-        r[2][k] = hit ? rays.t[k] : r[15][k];
+        r[2][k] = hit ? rays.t[k] : r[19][k];
         store({r[3], r[4], r[5]}, k, at);
         store({r[6], r[7], r[8]}, k, normal);
+        r[9][k] = as_float(hit ? rays.object[k] : -1);
+        r[10][k] = as_float(hit ? rays.primitive[k] : -1);
+        r[11][k] = hit ? rays.u[k] : 0.0f;
+        r[12][k] = hit ? rays.v[k] : 0.0f;
     }
-    fill_rest(r, 9, lanes, n);
+    fill_rest(r, 13, lanes, n);
 }
 
 }  // namespace TALBOT_ISA

@@ -69,6 +69,23 @@ TEST(Raycast, WithoutAHitTheDistanceIsTheLength) {
     EXPECT_EQ(seen("Is Hit", SocketKind::Float, {.length = -1}).x, 0);
 }
 
+TEST(Raycast, ReadsAttributesWhereItEnds) {
+    for (const auto& [kind, expected] : {std::pair{SocketKind::Color, Vec3{0.25f, 0.5f, 3.0f}}, std::pair{SocketKind::Float, Vec3{1.25f, 1.25f, 1.25f}}}) {
+        test::GraphBuilder g;
+        test::NodeBuilder node = g.node("ShaderNodeRaycast").set("Length", 10.0f).text("attribute_7", "Paint");
+        g.surface(g.emission(g.out(node.id(), "Attribute_7", kind)));
+        Room room(std::move(g));
+        EXPECT_EQ(room.color().x, 0) << "nothing has it";
+        auto screen = std::make_shared<scene::Mesh>(*room.scene.meshes[1]);
+        screen->attributes.push_back({"Paint", scene::Domain::Triangle, 3, true, {0.25f, 0.5f, 3.0f, 0.25f, 0.5f, 3.0f}});
+        room.scene.meshes[1] = screen;
+        const Vec3 seen = room.color();
+        EXPECT_NEAR(seen.x, expected.x, 1e-6);
+        EXPECT_NEAR(seen.y, expected.y, 1e-6);
+        EXPECT_NEAR(seen.z, expected.z, 1e-6);
+    }
+}
+
 TEST(Raycast, ObjectsMayBeLeftOut) {
     test::GraphBuilder g;
     g.surface(g.emission(g.out(g.node("ShaderNodeRaycast").set("Length", 10.0f).id(), "Is Hit", SocketKind::Float)));
