@@ -67,6 +67,18 @@ class MeshArrays(TypedDict, total=False):
     active_color: str
     generated_offset: tuple[float, float, float]
     generated_scale: tuple[float, float, float]
+    # A cage (scene::Subdivision): "catmull_clark" or "simple". Required with it: face_starts.
+    subdivision: str
+    face_starts: u32  # (F + 1,) first corner of each face, and C
+    uv_smoothing: str  # none, corners, junctions, concave, borders, all
+    sharp_corners: bool
+    in_pixels: bool
+    edge_length: float
+    max_level: int
+    crease_edges: u32  # (E, 2) vertices
+    crease_sharpness: f32  # (E,)
+    crease_vertices: u32
+    vertex_sharpness: f32
 
 class StrandArrays(TypedDict, total=False):
     """Curves or points instead of a mesh: whatever has `radii`. Required: positions, radii. K keys or points, C curves."""
@@ -114,6 +126,8 @@ class Session:
     # "blackman_harris", "perspective", "rectangle"); unknown keys raise KeyError, missing ones keep their defaults.
     def set_settings(self, values: dict[str, Any]) -> None: ...
     def set_camera(self, values: dict[str, Any]) -> None: ...  # to_world: 16 floats, column-major
+    def set_dicing_camera(self, values: dict[str, Any]) -> None:
+        """Whose pixels adaptive subdivision counts."""
     def set_world(self, values: dict[str, Any]) -> None: ...
     def set_passes(self, names: list[str]) -> None:
         """Names: combined, depth, normal, position, uv, mist, object_index, material_index, diffuse_direct, ..., emission,

@@ -278,6 +278,7 @@ def engine_settings(
         "caustics_reflective": talbot.caustics_reflective,
         "caustics_refractive": talbot.caustics_refractive,
         "filter_glossy": talbot.blur_glossy,
+        "offscreen_dicing_scale": float(versions.cycles_settings(scene).get("offscreen_dicing_scale", 4.0)),
         "light_threshold": talbot.light_sampling_threshold,
         "filter": talbot.pixel_filter_type.lower(),
         "filter_width": talbot.filter_width,

@@ -16,12 +16,12 @@ from .camera import camera_values, viewport_border, viewport_values
 from .changes import Changes, Key, read_changes
 from .context import ACTIVE_UV, SyncContext
 from .culling import Culling, culling_of
+from .geometry import read_record
 from .images import ImageSync
 from .materials import ShaderSync
-from .mesh import read_mesh
 from .motion import MotionPass, Shutter, shutter_of
 from .objects import Gathered, ObjectPass, Record, object_arrays
-from .strands import read_curves, read_hair, read_points
+from .subdivision import Dicing, DicingView, chosen_view
 from .unsupported import warn_scene
 from .world import world_values
 
@@ -43,6 +43,7 @@ class MeshEntry:
 
     handle: int
     owners: set[Key]
+    dicing: Dicing | None
 
 
 class SceneSync:
@@ -60,6 +61,7 @@ class SceneSync:
         self._lights: list[dict[str, Any]] = []
         self._objects: dict[str, Any] = {}
         self._gathered: tuple[Gathered, list[int]] = (Gathered(), [])
+        self._dicing = DicingView()
         self._moves = False
 
     # -- whole scenes
@@ -168,7 +170,18 @@ class SceneSync:
     def _send_frame_camera(self, depsgraph: Any, scene: Any, size: tuple[int, int]) -> None:
         if scene.camera is not None:
             camera = scene.camera.evaluated_get(depsgraph)
-            self._send_camera(camera_values(self.context, camera, scene.render, *size, camera.matrix_world))
+            values = camera_values(self.context, camera, scene.render, *size, camera.matrix_world)
+            self._send_camera(values)
+            self._send_dicing_camera(values)
+
+    def _send_dicing_camera(self, values: dict[str, Any]) -> bool:
+        """Whose pixels adaptive subdivision counts: the scene's own choice, or this one. True when it changed."""
+        values = self._dicing.chosen or values
+        if not self._dicing.used or values == self._dicing.camera:
+            return False
+        self.session.set_dicing_camera(values)
+        self._dicing.camera = values
+        return True
 
     def _forget(self) -> None:
         if self._objects:
@@ -182,6 +195,7 @@ class SceneSync:
         self.images.clear()
         self.context.wanted = set()
         self._settings, self._camera, self._world, self._objects, self._lights = {}, {}, {}, {}, []
+        self._dicing = DicingView()
 
     def _send_settings(self, scene: Any, view_layer: Any, width: int, height: int, preview: bool = False) -> bool:
         values = talbot_settings.engine_settings(
@@ -217,8 +231,13 @@ class SceneSync:
         with context.timed("meshes"):
             stale_all = changes.all_meshes or not wanted <= context.wanted
             context.wanted |= wanted
-            handles, meshes_changed, removed = self._send_meshes(gathered.records, changes.geometry, stale_all, scene)
+            handles, meshes_changed, removed = self._send_meshes(
+                gathered.records, changes.geometry, stale_all, depsgraph
+            )
             changed |= meshes_changed
+        self._dicing.used = any(record.dicing is not None for record in gathered.records)
+        if self._dicing.used:
+            self._dicing.chosen = chosen_view(depsgraph, scene, self._settings["width"], self._settings["height"])
         with context.timed("objects"):
             changed |= self._send_objects(gathered, handles)
             for handle in removed:
@@ -235,7 +254,7 @@ class SceneSync:
         return culling_of(scene, camera_values(silent, camera, scene.render, *size, camera.matrix_world))
 
     def _send_meshes(
-        self, records: list[Record], stale: set[Key], stale_all: bool, scene: Any
+        self, records: list[Record], stale: set[Key], stale_all: bool, depsgraph: Any
     ) -> tuple[list[int], bool, list[int]]:
         """Handles by record, whether a mesh was sent, handles nobody uses any more."""
         handles: list[int] = []
@@ -249,24 +268,26 @@ class SceneSync:
                 handles.append(entry.handle)
                 continue
             seen.add(pointer)
-            if entry is not None and not stale_all and not (entry.owners | record.owners) & stale:
+            stays = entry is not None and not stale_all and entry.dicing == record.dicing
+            if stays and not (entry.owners | record.owners) & stale:
                 entry.owners |= record.owners
                 handles.append(entry.handle)
                 continue
             changed = True
+            self._dicing.stale |= record.dicing is not None
             self.context.check()
-            arrays = read_record(self.context, record, scene)
+            arrays = read_record(self.context, record, depsgraph)
             if arrays is None:
                 if entry is not None:
                     seen.discard(pointer)
                 handles.append(-1)
             elif entry is not None:
                 self.session.set_mesh(entry.handle, record.mesh_name, arrays)
-                entry.owners = set(record.owners)
+                entry.owners, entry.dicing = set(record.owners), record.dicing
                 handles.append(entry.handle)
             else:
                 handle = self.session.add_mesh(record.mesh_name, arrays)
-                self._meshes[pointer] = MeshEntry(handle, set(record.owners))
+                self._meshes[pointer] = MeshEntry(handle, set(record.owners), record.dicing)
                 handles.append(handle)
         removed = [self._meshes.pop(pointer).handle for pointer in set(self._meshes) - seen]
         return handles, changed or bool(removed), removed
@@ -347,7 +368,12 @@ class SceneSync:
         if changed:
             self._settings = self._settings | window
             self.session.set_settings(self._settings)
-        return self._send_camera(viewport_values(self.context, context, region_data, width, height)) or changed
+        values = viewport_values(self.context, context, region_data, width, height)
+        # Dicing keeps the view of when the mesh came: turning the view costs nothing.
+        if self._dicing.stale or self._dicing.chosen:
+            self._dicing.stale = False
+            changed |= self._send_dicing_camera(values)
+        return self._send_camera(values) or changed
 
     def viewport_rectangle(self) -> tuple[float, float, float, float]:
         """What the picture covers of the viewport's region: x, y, width, height as fractions, from the bottom left."""
@@ -356,23 +382,6 @@ class SceneSync:
         if across == 0:
             return 0.0, 0.0, 1.0, 1.0
         return x / width, y / height, across / width, up / height
-
-
-def read_record(context: SyncContext, record: Record, scene: Any) -> dict[str, Any] | None:
-    """The arrays of a record's geometry. In edit mode the evaluated mesh is empty; the object makes a real one."""
-    if record.hair is not None:
-        return read_hair(context, record.hair, scene)
-    if isinstance(record.mesh, bpy.types.Curves):
-        return read_curves(context, record.mesh, scene)
-    if isinstance(record.mesh, bpy.types.PointCloud):
-        return read_points(context, record.mesh)
-    if not record.mesh.is_editmode:
-        return read_mesh(context, record.mesh)
-    owner = record.holders[-1]
-    try:
-        return read_mesh(context, owner.to_mesh())
-    finally:
-        owner.to_mesh_clear()
 
 
 def _equal(left: Any, right: Any) -> bool:

@@ -19,6 +19,7 @@ from .context import SyncContext, column_major
 from .mesh import face_smooth, read_column, read_normals
 from .objects import Gathered, Record
 from .strands import hair_sources, read_hair
+from .subdivision import cage_of
 
 F32 = NDArray[np.float32]
 InstanceKey = tuple[int, int, tuple[int, ...]]
@@ -96,7 +97,7 @@ class MotionPass:
             if self._send_velocity(record, handle):
                 by_velocity.add(handle)
             elif _may_deform(record):
-                reader = _reader(self.context, record, scene)
+                reader = _reader(self.context, record, depsgraph)
                 self._deforming[key, handle] = Deforming(handle, reader, level)
         camera = scene.camera
         if camera is not None:
@@ -161,7 +162,7 @@ class MotionPass:
     def _send_velocity(self, record: Record, handle: int) -> bool:
         """Points with a velocity go straight on, whatever else deforms them."""
         data = record.mesh
-        velocity = None if record.hair is not None else data.attributes.get("velocity")
+        velocity = None if record.hair is not None or record.dicing is not None else data.attributes.get("velocity")
         if velocity is None or velocity.data_type != "FLOAT_VECTOR" or velocity.domain != "POINT":
             return False
         count = len(velocity.data)
@@ -299,17 +300,24 @@ def _positions(data: Any) -> F32:
     return read_column(data.points, "co", len(data.points), np.float32, 3)
 
 
-def _reader(context: SyncContext, record: Record, scene: Any) -> Callable[[Any], dict[str, F32] | None]:
+def _reader(context: SyncContext, record: Record, depsgraph: Any) -> Callable[[Any], dict[str, F32] | None]:
     """What reads the shape of the record's geometry from its object at another moment."""
     if record.hair is not None:
         index = record.hair.index
 
         def hair(obj: Any) -> dict[str, F32] | None:
             source = next((s for s in hair_sources(obj, context.viewport) if s.index == index), None)
-            arrays = read_hair(context, source, scene) if source is not None else None
+            arrays = read_hair(context, source, depsgraph.scene_eval) if source is not None else None
             return {"positions": arrays["positions"]} if arrays is not None else None
 
         return hair
+    if record.dicing is not None:
+
+        def cage(obj: Any) -> dict[str, F32] | None:
+            with cage_of(obj.original.evaluated_get(depsgraph), depsgraph) as mesh:
+                return {"positions": _positions(mesh)}
+
+        return cage
     kind = type(record.mesh)
 
     def shape(obj: Any) -> dict[str, F32] | None:

@@ -18,6 +18,7 @@ from .linking import LinkPass, Resolved, Subject, linking_arrays
 from .materials import ShaderSync
 from .named import named_property
 from .strands import HairSource, hair_sources
+from .subdivision import Dicing, dicing_of
 from .unsupported import warn_kind, warn_object
 
 VISIBILITY = (
@@ -54,6 +55,7 @@ class Record:
     attribute_set: int = -1
     hair: HairSource | None = None
     """Strands that grow on `mesh`, instead of the mesh itself."""
+    dicing: Dicing | None = None
 
     def key(self) -> tuple[int, int]:
         """What this geometry is, among all of a pass."""
@@ -258,6 +260,7 @@ class ObjectPass:
         shading = getattr(obj, "shadow_terminator_shading_offset", None)
         geometry = getattr(obj, "shadow_terminator_geometry_offset", None)
         holders = tuple(h.original.evaluated_get(self.depsgraph) for h in (parent, obj) if h is not None)
+        whole = hair is None and holders[-1].data == data
         self.out.records.append(
             Record(
                 mesh=data,
@@ -277,6 +280,7 @@ class ObjectPass:
                 holders=holders,
                 subject=self._links.subject(obj, parent),
                 hair=hair,
+                dicing=dicing_of(self.context, holders[-1], self.depsgraph.scene_eval) if whole else None,
             )
         )
         return len(self.out.records) - 1

@@ -19,10 +19,6 @@ def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
     """An object with something on it that is left out."""
     where = f"Object '{obj.name}'"
     cycles = versions.cycles_settings(obj)
-    experimental = versions.cycles_settings(scene).get("feature_set", "SUPPORTED") == "EXPERIMENTAL"
-    adaptive = experimental and cycles.get("use_adaptive_subdivision", False)
-    if adaptive or any(getattr(m, "use_adaptive_subdivision", False) for m in obj.modifiers if m.type == "SUBSURF"):
-        context.warn(f"{where}: adaptive subdivision is not supported yet; the modifier's levels are used")
     culled = cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)
     if context.viewport and scene.render.use_simplify and culled:
         context.warn(f"{where}: culling is left to final renders; the viewport shows it wherever it is")

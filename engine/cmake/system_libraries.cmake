@@ -20,3 +20,8 @@ if(NOT TARGET OpenColorIO::OpenColorIO)
   pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)
   add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
 endif()
+# Debian's CMake files name static libraries that its package does not hold.
+find_path(OPENSUBDIV_INCLUDE opensubdiv/bfr/surface.h REQUIRED)
+find_library(OPENSUBDIV_CPU osdCPU REQUIRED)
+add_library(OpenSubdiv::CPU UNKNOWN IMPORTED GLOBAL)
+set_target_properties(OpenSubdiv::CPU PROPERTIES IMPORTED_LOCATION ${OPENSUBDIV_CPU} INTERFACE_SYSTEM_INCLUDE_DIRECTORIES ${OPENSUBDIV_INCLUDE})

@@ -89,6 +89,44 @@ std::shared_ptr<const Mesh> read_strands(NativeSession& native, const std::strin
     return std::make_shared<const Mesh>(build_strands(input, native.session.report()));
 }
 
+template <class Value>
+Value one_of(const std::string& text, std::initializer_list<std::pair<const char*, Value>> names, const char* what) {
+    for (const auto& [name, value] : names)
+        if (text == name) return value;
+    throw Error("Unknown " + std::string(what) + " '" + text + "'");
+}
+
+void read_cage(ArrayDict& arrays, MeshInput& input) {
+    const std::string scheme = optional_text(arrays, "subdivision"), uv = optional_text(arrays, "uv_smoothing");
+    Subdivision& cage = input.subdivision;
+    if (!scheme.empty())
+        cage.scheme =
+            one_of<SubdivisionScheme>(scheme, {{"catmull_clark", SubdivisionScheme::CatmullClark}, {"simple", SubdivisionScheme::Simple}}, "subdivision");
+    if (!uv.empty())
+        cage.uv_smoothing = one_of<UvSmoothing>(uv,
+                                                {{"none", UvSmoothing::None},
+                                                 {"corners", UvSmoothing::Corners},
+                                                 {"junctions", UvSmoothing::Junctions},
+                                                 {"concave", UvSmoothing::Concave},
+                                                 {"borders", UvSmoothing::Borders},
+                                                 {"all", UvSmoothing::All}},
+                                                "smoothing of UV maps");
+    const auto read = [&](const char* name, auto& to) {
+        const py::object value = arrays.value(name);
+        if (!value.is_none()) to = py::cast<std::remove_reference_t<decltype(to)>>(value);
+    };
+    read("sharp_corners", cage.sharp_corners);
+    read("in_pixels", cage.in_pixels);
+    read("edge_length", cage.edge_length);
+    read("max_level", cage.max_level);
+    input.face_starts = arrays.get<uint32_t>("face_starts", 1);
+    const auto copy = [](auto span, auto& to) { to.assign(span.begin(), span.end()); };
+    copy(arrays.get<uint32_t>("crease_edges", 2), cage.crease_edges);
+    copy(arrays.get<float>("crease_sharpness", 1), cage.crease_sharpness);
+    copy(arrays.get<uint32_t>("crease_vertices", 1), cage.crease_vertices);
+    copy(arrays.get<float>("vertex_sharpness", 1), cage.vertex_sharpness);
+}
+
 std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& name, const py::dict& values) {
     if (values.contains("radii")) return read_strands(native, name, values);
     ArrayDict arrays(values);
@@ -106,6 +144,7 @@ std::shared_ptr<const Mesh> read_mesh(NativeSession& native, const std::string& 
     input.vertex_normals = arrays.get<float>("vertex_normals", 3);
     input.corner_normals = arrays.get<float>("corner_normals", 3);
     read_common(arrays, input);
+    read_cage(arrays, input);
     arrays.finish("A mesh");
     const py::gil_scoped_release released;
     return std::make_shared<const Mesh>(build_mesh(input, native.session.report()));

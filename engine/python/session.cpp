@@ -220,6 +220,13 @@ void bind_session(py::module_& module) {
                  scene.camera = camera;
                  scene.dirty |= kDirtyCamera;
              })
+        .def("set_dicing_camera",
+             [](Native& n, const py::dict& values) {
+                 const Camera camera = read_camera(values);
+                 Scene& scene = n.edit();
+                 scene.dicing_camera = camera;
+                 scene.dirty |= kDirtyMeshes;
+             })
         .def("set_world",
              [](Native& n, const py::dict& values) {
                  const World world = read_world(values);

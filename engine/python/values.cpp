@@ -95,6 +95,7 @@ Settings read_settings(const py::dict& values) {
     f("working_space", s.working_space);
     f("luminance_weights", std::span<float>(s.luminance_weights));
     f("instruction_set", s.instruction_set);
+    f("offscreen_dicing_scale", s.offscreen_dicing_scale);
     f("viewport", s.viewport);
     f.finish();
     require(s.width >= 1 && s.height >= 1 && s.width <= 65536 && s.height <= 65536, "The picture must have between 1 and 65536 pixels a side");

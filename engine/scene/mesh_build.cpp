@@ -71,6 +71,42 @@ void repair_normals(const Mesh& mesh, const std::vector<uint32_t>& triangle_elem
     }
 }
 
+uint16_t slot_of(int32_t material) {
+    return uint16_t(std::clamp(material, 0, int32_t(std::numeric_limits<uint16_t>::max())));
+}
+
+/// Creases that name vertices that do not exist are an error like any other index; sharpness that is not finite is none.
+Subdivision build_cage(const MeshInput& input, size_t vertices, size_t faces) {
+    Subdivision cage = input.subdivision;
+    const size_t corners = input.corner_vertices.size();
+    check_length(input, input.face_starts.size(), faces + 1, "face_starts");
+    const auto starts = input.face_starts;
+    if (starts.empty() || starts.front() != 0 || starts.back() != corners || !std::is_sorted(starts.begin(), starts.end()))
+        throw mesh_error(input, "face_starts does not count the corners");
+    check_below(input, cage.crease_edges, vertices, "crease_edges");
+    check_below(input, cage.crease_vertices, vertices, "crease_vertices");
+    check_length(input, cage.crease_edges.size(), 2 * cage.crease_sharpness.size(), "crease_edges");
+    check_length(input, cage.crease_vertices.size(), cage.vertex_sharpness.size(), "crease_vertices");
+    if (cage.max_level < 1 || cage.max_level > 16) throw mesh_error(input, "max_level is not 1 to 16");
+    if (!(cage.edge_length > 0) || !std::isfinite(cage.edge_length)) throw mesh_error(input, "edge_length is not a length");
+    for (std::vector<float>* sharpness : {&cage.crease_sharpness, &cage.vertex_sharpness})
+        for (float& s : *sharpness) s = std::isfinite(s) ? std::max(s, 0.0f) : 0.0f;
+    cage.face_starts.assign(starts.begin(), starts.end());
+    cage.corner_vertices.assign(input.corner_vertices.begin(), input.corner_vertices.end());
+    cage.face_smooth.assign(input.face_smooth.begin(), input.face_smooth.end());
+    for (int32_t slot : input.face_materials) cage.face_materials.push_back(slot_of(slot));
+    // A face that cannot be seen has one vertex only: nothing is diced of it.
+    for (size_t f = 0; f < faces; ++f) {
+        const auto begin = cage.corner_vertices.begin() + starts[f], end = cage.corner_vertices.begin() + starts[f + 1];
+        const bool fine = std::all_of(begin, end, [&](uint32_t v) {
+            const float* p = &input.positions[3 * size_t(v)];
+            return is_finite({p[0], p[1], p[2]});
+        });
+        if (!fine) std::fill(begin, end, *begin);
+    }
+    return cage;
+}
+
 }  // namespace
 
 float linear_of_srgb_byte(uint8_t byte) {
@@ -125,6 +161,10 @@ Mesh build_mesh(const MeshInput& input, Report& report) {
     }
 
     Mesh mesh;
+    if (input.subdivision.scheme != SubdivisionScheme::None) {
+        faces = std::max(faces, input.face_starts.empty() ? 0 : input.face_starts.size() - 1);
+        mesh.subdivision = build_cage(input, vertices, faces);
+    }
     mesh.name = input.name;
     mesh.positions = copy_vectors(input.positions);
     mesh.active_uv = input.active_uv;
@@ -164,8 +204,8 @@ Mesh build_mesh(const MeshInput& input, Report& report) {
         const uint32_t face = identity_faces ? uint32_t(t) : input.triangle_faces[t];
         if (has_faces) mesh.triangle_faces.push_back(face);
         if (!input.face_materials.empty()) {
-            const int32_t slot = std::clamp(input.face_materials[face], 0, int32_t(std::numeric_limits<uint16_t>::max()));
-            mesh.triangle_materials.push_back(uint16_t(slot));
+            const uint16_t slot = slot_of(input.face_materials[face]);
+            mesh.triangle_materials.push_back(slot);
             any_material |= slot != 0;
         }
         if (!input.face_smooth.empty()) {

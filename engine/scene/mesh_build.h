@@ -34,6 +34,8 @@ struct MeshInput {
     std::span<const float> vertex_normals;       ///< [3 V]
     std::span<const float> corner_normals;       ///< [3 C]
     std::vector<MeshInputAttribute> attributes;
+    Subdivision subdivision;                ///< of a cage: all but its faces, which are those above
+    std::span<const uint32_t> face_starts;  ///< [F + 1], of a cage only
     std::string active_uv, active_color;
     Vec3 generated_offset, generated_scale{1, 1, 1};
 };

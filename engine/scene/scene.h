@@ -57,6 +57,30 @@ enum class GeometryKind : uint8_t { Triangles, Curves, Points };
 /// How curves are traced: a ribbon that faces the ray and is shaded as if it were round, a swept circle, or cones between the keys.
 enum class CurveShape : uint8_t { Ribbon, Thick, ThickLinear };
 
+/// How a cage is subdivided.
+enum class SubdivisionScheme : uint8_t { None, CatmullClark, Simple };
+
+/// Where UV maps stay straight: everywhere, or at corners, or also at ends of seams, or also at concave corners, or along all borders, or nowhere.
+enum class UvSmoothing : uint8_t { None, Corners, Junctions, Concave, Borders, All };
+
+/// A mesh that is a cage: before it is traced it is diced into triangles of about `edge_length` (geometry/dice.h). The mesh's own triangles are those of the
+/// cage; its positions, normals and attributes belong to the cage's vertices, corners and faces. Empty lists: none, or all 0, or all smooth.
+struct Subdivision {
+    SubdivisionScheme scheme = SubdivisionScheme::None;
+    UvSmoothing uv_smoothing = UvSmoothing::Borders;  ///< of corner attributes with 2 components; other values are interpolated linearly
+    bool sharp_corners = false;                       ///< corners of an open cage stay where they are
+    bool in_pixels = true;                            ///< edge_length counts pixels of the dicing camera; else object space
+    float edge_length = 1;
+    int32_t max_level = 12;  ///< an edge of the cage is halved so many times at most; 1 to 16
+    std::vector<uint32_t> face_starts, corner_vertices;
+    std::vector<uint16_t> face_materials;
+    std::vector<uint8_t> face_smooth;
+    std::vector<uint32_t> crease_edges;  ///< two vertices each
+    std::vector<float> crease_sharpness;
+    std::vector<uint32_t> crease_vertices;
+    std::vector<float> vertex_sharpness;
+};
+
 /// Triangles after modifiers, with Blender's own diagonals; or curves (Catmull-Rom through their keys), or points, which are spheres. What the latter two have
 /// besides positions, attributes and generated coordinates is named below; the rest of them is empty.
 struct Mesh {
@@ -82,6 +106,7 @@ struct Mesh {
     std::vector<uint32_t> segment_curves;  ///< its curve
     int32_t motion_steps = 1;              ///< moments spread evenly over the shutter at which the shape is known; 1: it keeps its shape
     std::vector<Vec3> motion_positions;    ///< `positions` of each step, one step after the other; straight lines in between
+    Subdivision subdivision;               ///< triangles only
     std::vector<Vec3> motion_normals;      ///< corner_normals (where there are none vertex_normals) of each step; empty: they stay
     size_t triangle_count() const { return triangle_vertices.size() / 3; }
     size_t primitive_count() const {
@@ -260,6 +285,7 @@ struct Settings {
     std::string working_space = "Linear";                      ///< the config's scene_linear space, by name
     float luminance_weights[3] = {0.2126f, 0.7152f, 0.0722f};  ///< Y of the working space's primaries
     std::string instruction_set;                               ///< "" : the best
+    float offscreen_dicing_scale = 4;                          ///< how much coarser cages are diced outside the dicing camera's view
     bool viewport = false;                                     ///< interactive: instances instead of flattened geometry, coarse first passes
 };
 
@@ -314,6 +340,7 @@ enum Dirty : uint32_t {
 struct Scene {
     Settings settings;
     Camera camera;
+    Camera dicing_camera;  ///< whose pixels adaptive subdivision counts; a change is a change of meshes
     Motion motion;
     World world;
     std::vector<std::shared_ptr<const Mesh>> meshes;  ///< null: removed

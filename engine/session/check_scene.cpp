@@ -56,6 +56,26 @@ void check_strands(const Mesh& mesh, const std::string& where) {
     }
 }
 
+void check_cage(const Mesh& mesh, const std::string& where) {
+    const Subdivision& cage = mesh.subdivision;
+    const size_t faces = cage.face_starts.empty() ? 0 : cage.face_starts.size() - 1, corners = cage.corner_vertices.size();
+    demand(bound_of(cage.corner_vertices) <= mesh.positions.size() && bound_of(cage.crease_edges) <= mesh.positions.size() &&
+               bound_of(cage.crease_vertices) <= mesh.positions.size(),
+           "a vertex of the cage that does not exist", where);
+    demand(cage.face_starts.empty() ? corners == 0 : cage.face_starts.front() == 0 && cage.face_starts.back() == corners, "faces beside the corners", where);
+    demand(std::is_sorted(cage.face_starts.begin(), cage.face_starts.end()), "faces that go backwards", where);
+    check_length(cage.face_materials, faces, "material slots of the cage", where);
+    check_length(cage.face_smooth, faces, "smooth flags of the cage", where);
+    demand(cage.crease_edges.size() == 2 * cage.crease_sharpness.size() && cage.crease_vertices.size() == cage.vertex_sharpness.size(),
+           "the wrong number of creases", where);
+    demand(cage.max_level >= 1 && cage.max_level <= 16 && cage.edge_length > 0, "an impossible dicing", where);
+    for (const Attribute& attribute : mesh.attributes) {
+        const size_t elements = attribute.domain == Domain::Corner ? corners : attribute.domain == Domain::Face ? faces : 1;
+        demand(attribute.domain != Domain::Triangle, "values of a cage's triangles", where + " > attribute '" + attribute.name + "'");
+        check_attribute(attribute, elements, where);
+    }
+}
+
 void check_mesh(const Mesh& mesh) {
     const std::string where = "Mesh '" + mesh.name + "'";
     // As many as Embree takes.
@@ -65,6 +85,7 @@ void check_mesh(const Mesh& mesh) {
     demand(mesh.motion_positions.size() == mesh.positions.size() * steps, "the wrong number of positions in motion", where);
     check_length(mesh.motion_normals, normals * steps, "normals in motion", where);
     if (mesh.kind != GeometryKind::Triangles) return check_strands(mesh, where);
+    if (mesh.subdivision.scheme != SubdivisionScheme::None) check_cage(mesh, where);
     const size_t triangles = mesh.triangle_count();
     demand(mesh.triangle_vertices.size() % 3 == 0, "half a triangle", where);
     demand(bound_of(mesh.triangle_vertices) <= mesh.positions.size(), "a vertex that does not exist", where);

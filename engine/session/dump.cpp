@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 6;
+constexpr uint32_t kVersion = 7;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -31,6 +31,12 @@ constexpr int last_of(GeometryKind) {
 }
 constexpr int last_of(CurveShape) {
     return int(CurveShape::ThickLinear);
+}
+constexpr int last_of(SubdivisionScheme) {
+    return int(SubdivisionScheme::Simple);
+}
+constexpr int last_of(UvSmoothing) {
+    return int(UvSmoothing::All);
 }
 constexpr int last_of(DisplacementMethod) {
     return int(DisplacementMethod::Both);
@@ -77,6 +83,11 @@ void fields(A& a, Is<Attribute> auto& s) {
     a(s.name, s.domain, s.components, s.is_color, s.data);
 }
 template <class A>
+void fields(A& a, Is<Subdivision> auto& s) {
+    a(s.scheme, s.uv_smoothing, s.sharp_corners, s.in_pixels, s.edge_length, s.max_level, s.face_starts, s.corner_vertices, s.face_materials, s.face_smooth,
+      s.crease_edges, s.crease_sharpness, s.crease_vertices, s.vertex_sharpness);
+}
+template <class A>
 void fields(A& a, Is<Mesh> auto& s) {
     a(s.name, s.positions, s.triangle_vertices, s.triangle_corners, s.triangle_faces, s.triangle_materials, s.triangle_smooth, s.vertex_normals,
       s.corner_normals, s.attributes, s.active_uv, s.active_color, s.generated_offset, s.generated_scale);
@@ -90,6 +101,7 @@ void fields(A& a, Is<Mesh> auto& s) {
     a.since(2, s.motion_steps);
     a.since(2, s.motion_positions);
     a.since(2, s.motion_normals);
+    a.since(7, s.subdivision);
 }
 template <class A>
 void fields(A& a, Is<Object> auto& s) {
@@ -153,6 +165,7 @@ void fields(A& a, Is<Settings> auto& s) {
       s.filter_glossy, s.light_threshold, s.filter, s.filter_width, s.film_exposure, s.film_transparent, s.film_transparent_glass, s.film_transparent_roughness,
       s.mist_start, s.mist_depth, s.mist_falloff, s.use_emission_sampling, s.threads, s.ocio_config, s.working_space, s.luminance_weights, s.instruction_set,
       s.viewport);
+    a.since(7, s.offscreen_dicing_scale);
 }
 template <class A>
 void fields(A& a, Is<Aov> auto& s) {
@@ -169,6 +182,7 @@ void fields(A& a, Is<Scene> auto& s) {
     a.since(3, s.motion);
     a.since(5, s.linkings);
     a.since(6, s.aovs);
+    a.since(7, s.dicing_camera);
 }
 
 // ---- writing

@@ -10,6 +10,7 @@
 #include "asset/texture.h"
 #include "base/pool.h"
 #include "film/film.h"
+#include "geometry/dice.h"
 #include "integrator/kernels.h"
 #include "session/session.h"
 #include "shader/compiler.h"
@@ -27,6 +28,7 @@ struct RenderData {
     shader::Programs programs;
     shader::SkyCache skies;
     asset::TextureStore textures;
+    std::vector<geometry::DicedMesh> diced;
     std::vector<geometry::DisplacedMesh> displaced;
     geometry::Accelerator accelerator;
     light::EmitterTablePtr emitters;

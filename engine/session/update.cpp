@@ -169,6 +169,8 @@ void update_render_data(Session::State& s) {
     data.shading.film_height = float(scene.settings.height);
     make_workers(s);
     if (shaders || objects || (dirty & scene::kDirtyPasses)) {
+        timed("Subdividing", &Statistics::update_seconds,
+              [&] { geometry::dice_meshes(data.tables, scene, geometry::dicing_budget(), *data.pool, data.diced, s.report, &s.cancel); });
         timed("Displacing", &Statistics::update_seconds, [&] {
             geometry::displace_meshes(data.tables, data.programs, data.shading, integrator::kernels_for(s.statistics.instruction_set).run_program, *data.pool,
                                       data.displaced, s.report, &s.cancel);

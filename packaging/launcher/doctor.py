@@ -19,6 +19,7 @@ LIBRARIES = (
     "libembree-dev",
     "libopenimageio-dev",
     "libopencolorio-dev",
+    "libosd-dev",
     "libopenvdb-dev",
     "libtbb-dev",
     "pybind11-dev",

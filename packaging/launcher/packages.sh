@@ -3,8 +3,8 @@
 
 # Names are the same in Debian 12 and 13 (and in Ubuntu); versions differ: Embree 3 or 4, OpenImageIO 2.4 or 2.5, ...
 talbot_build_packages="cmake ninja-build g++ pkg-config libembree-dev libopenimageio-dev openimageio-tools libopencolorio-dev
-  libimath-dev libopenexr-dev libopenvdb-dev libboost-dev libtbb-dev pybind11-dev python3 python3-dev python3-venv python3-pip
-  python3-numpy python3-pytest libgtest-dev"
+  libosd-dev libimath-dev libopenexr-dev libopenvdb-dev libboost-dev libtbb-dev pybind11-dev python3 python3-dev python3-venv
+  python3-pip python3-numpy python3-pytest libgtest-dev"
 
 # What `./talbot package` builds its libraries from, beside their sources.
 talbot_bundle_packages="nasm libboost-thread-dev libfmt-dev robin-map-dev"
@@ -49,7 +49,7 @@ talbot_missing_elsewhere() {
   for program in cmake ninja g++ pkg-config python3; do
     command -v "$program" >/dev/null || echo "$program"
   done
-  for header in "embree[34]/rtcore.h" OpenImageIO/imageio.h OpenColorIO/OpenColorIO.h pybind11/pybind11.h gtest/gtest.h; do
+  for header in "embree[34]/rtcore.h" OpenImageIO/imageio.h OpenColorIO/OpenColorIO.h opensubdiv/bfr/surface.h pybind11/pybind11.h gtest/gtest.h; do
     compgen -G "/usr/include/$header" >/dev/null || compgen -G "/usr/local/include/$header" >/dev/null || echo "$header"
   done
 }

@@ -17,6 +17,7 @@ LIBRARIES = {
     "Imath/": "asset",
     "embree3/": "geometry",
     "embree4/": "geometry",
+    "opensubdiv/": "geometry",
     "OpenImageDenoise/": "film",
     "pybind11/": "python",
     "Python.h": "python",

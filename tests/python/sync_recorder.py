@@ -14,6 +14,7 @@ class RecordingSession:
         self.calls: list[str] = []
         self.settings: dict[str, Any] = {}
         self.camera: dict[str, Any] = {}
+        self.dicing_camera: dict[str, Any] = {}
         self.world: dict[str, Any] = {}
         self.lights: list[dict[str, Any]] = []
         self.objects: dict[str, Any] = {}
@@ -35,6 +36,10 @@ class RecordingSession:
     def set_camera(self, values: dict[str, Any]) -> None:
         self.calls.append("set_camera")
         self.camera = dict(values)
+
+    def set_dicing_camera(self, values: dict[str, Any]) -> None:
+        self.calls.append("set_dicing_camera")
+        self.dicing_camera = dict(values)
 
     def set_world(self, values: dict[str, Any]) -> None:
         self.calls.append("set_world")

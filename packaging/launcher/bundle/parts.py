@@ -133,6 +133,14 @@ PARTS = (
         needs=("zlib", "imath"),
     ),
     Part(
+        "opensubdiv",
+        "o/opensubdiv/opensubdiv_3.5.0.orig.tar.xz",
+        "8bc452ad9934d69bd2b03662e9d86a3d014d95445dc599013e523e577ae90693",
+        "Pixar",
+        ("LICENSE.txt", "NOTICE.txt"),
+        own_project=True,
+    ),
+    Part(
         "openimageio",
         "o/openimageio/openimageio_2.5.18.0+dfsg.orig.tar.xz",
         "0dc2185aac5e01a2e5a1a804f558c1190ea048650a7fedef1033a1616abcac80",

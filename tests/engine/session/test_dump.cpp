@@ -71,7 +71,12 @@ Scene make_scene() {
     scene.motion.shutter = {0, 0.25f, 1};
     scene.motion.rolling = true;
     scene.motion.rolling_duration = 0.75f;
-    scene.meshes = {shared, nullptr, shared, std::make_shared<const Mesh>(strands)};
+    Mesh cage;
+    cage.positions.assign(3, {1, 2, 3});
+    cage.subdivision = {SubdivisionScheme::Simple, UvSmoothing::Concave, true, false, 0.25f, 7, {0, 3}, {0, 1, 2}, {4}, {0}, {1, 2}, {5}, {0}, {6}};
+    scene.meshes = {shared, nullptr, shared, std::make_shared<const Mesh>(strands), std::make_shared<const Mesh>(cage)};
+    scene.dicing_camera.clip_end = 77;
+    scene.settings.offscreen_dicing_scale = 5;
 
     Object object;
     object.name = 0;
@@ -181,7 +186,7 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     dump_scene(loaded, folder.file("b"));
     EXPECT_EQ(read(folder.file("a")), read(folder.file("b")));
     EXPECT_EQ(loaded.dirty, uint32_t(kDirtyAll));
-    ASSERT_EQ(loaded.meshes.size(), 4u);
+    ASSERT_EQ(loaded.meshes.size(), 5u);
     EXPECT_EQ(loaded.meshes[0]->motion_positions.size(), 8u);
     EXPECT_EQ(loaded.meshes[0]->motion_normals.size(), 12u);
     EXPECT_EQ(loaded.motion.objects[0].size(), 2u);
@@ -196,6 +201,19 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.meshes[3]->curve_subdivisions, 5);
     EXPECT_EQ(loaded.meshes[3]->radii, scene.meshes[3]->radii);
     EXPECT_EQ(loaded.meshes[3]->segment_keys.size(), 2u);
+    const Subdivision& cage = loaded.meshes[4]->subdivision;
+    EXPECT_EQ(cage.scheme, SubdivisionScheme::Simple);
+    EXPECT_EQ(cage.uv_smoothing, UvSmoothing::Concave);
+    EXPECT_TRUE(cage.sharp_corners);
+    EXPECT_FALSE(cage.in_pixels);
+    EXPECT_EQ(cage.edge_length, 0.25f);
+    EXPECT_EQ(cage.max_level, 7);
+    EXPECT_EQ(cage.corner_vertices, scene.meshes[4]->subdivision.corner_vertices);
+    EXPECT_EQ(cage.face_materials[0], 4);
+    EXPECT_EQ(cage.crease_edges, scene.meshes[4]->subdivision.crease_edges);
+    EXPECT_EQ(cage.vertex_sharpness[0], 6);
+    EXPECT_EQ(loaded.dicing_camera.clip_end, 77);
+    EXPECT_EQ(loaded.settings.offscreen_dicing_scale, 5);
     EXPECT_EQ(loaded.meshes[0], loaded.meshes[2]);  // still shared
     EXPECT_EQ(loaded.meshes[1], nullptr);
     EXPECT_EQ(loaded.meshes[0]->name, "Würfel");
@@ -230,7 +248,8 @@ TEST(Dump, RoundTripKeepsEveryByte) {
 // A struct that grew has a field that dump.cpp does not know yet: add it there and to make_scene above, then correct the size here.
 TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
-    EXPECT_EQ(sizeof(Mesh), 504u);
+    EXPECT_EQ(sizeof(Mesh), 712u);
+    EXPECT_EQ(sizeof(Subdivision), 208u);
     EXPECT_EQ(sizeof(Object), 132u);
     EXPECT_EQ(sizeof(Linking), 16u);
     EXPECT_EQ(sizeof(Motion), 104u);
@@ -245,7 +264,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
     EXPECT_EQ(sizeof(Aov), 40u);
-    EXPECT_EQ(sizeof(Scene), 864u);
+    EXPECT_EQ(sizeof(Scene), 1032u);
 }
 #endif
 
@@ -317,7 +336,7 @@ TEST(Dump, HandlesThatLeadNowhere) {
         return message_of(folder.file("a"));
     };
     EXPECT_EQ(refused([](Scene&) {}), "");
-    EXPECT_NE(refused([](Scene& s) { s.objects[0].mesh = 4; }).find("Object 'Cube'"), std::string::npos);
+    EXPECT_NE(refused([](Scene& s) { s.objects[0].mesh = 5; }).find("Object 'Cube'"), std::string::npos);
     EXPECT_NE(refused([](Scene& s) { s.objects[0].material_set = -2; }), "");
     EXPECT_NE(refused([](Scene& s) { s.material_sets[0][0] = 1; }), "");
     EXPECT_NE(refused([](Scene& s) { s.lights[0].shader = 1; }), "");
