@@ -4,6 +4,7 @@
 #include "closure/microfacet.h"
 #include "closure/thin_film.h"
 #include "shader/closure_nodes.h"
+#include "shader/graph_compiler.h"
 #include "shader/ops_closure.h"
 
 namespace talbot::shader {
@@ -80,6 +81,8 @@ struct ClosureMaker {
         if (!n.has("Thin Film Thickness")) return {};
         const Value thickness = n.value("Thin Film Thickness");
         if (e.is_known(thickness) && !(e.known(thickness) > kThinnestFilm)) return {};
+        const std::string& space = n.graph().scene.settings.working_space;
+        if (space != "Linear" && space != "Linear Rec.709") n.warn("Thin films have the colours of Linear Rec.709 in the working space '" + space + "' too");
         return {thickness, n.value("Thin Film IOR", 1.33f), true};
     }
     /// The index of the film's medium from the viewer's side, as relative_index.

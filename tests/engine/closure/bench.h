@@ -156,6 +156,9 @@ inline std::vector<float> refract(float alpha, float ior) {
 inline std::vector<float> glass(float alpha, float ior) {
     return {alpha, ior, 1, 1, 1, 1, 1, 1, 1, 1, 1};
 }
+inline std::vector<float> glass_film(float alpha, float ior, float nanometres, float film_ior) {
+    return {alpha, ior, 1, 1, 1, 1, 1, 1, 1, 1, 1, nanometres, film_ior};
+}
 /// Brown fibres along +X.
 inline std::vector<float> chiang(float variance, float scale, float primary) {
     return {1, 0, 0, 0.1f, 0.3f, 0.8f, variance, scale, primary, 0.05f, 1.55f};
@@ -172,10 +175,13 @@ inline std::vector<Case> all_cases() {
     const auto kind = [](FresnelKind k) { return uint8_t(k); };
     return {
         {"diffuse", T::Diffuse, {}, 0, tilted},
+        {"diffuse grazing", T::Diffuse, {}, 0, grazing},
+        {"oren-nayar black", T::OrenNayar, {0.5f, 0, 0, 0}, 0, tilted},
         {"oren-nayar", T::OrenNayar, {0.5f, 0.8f, 0.5f, 0.2f}, 0, tilted},
         {"oren-nayar 1 grazing", T::OrenNayar, {1.0f, 1.0f, 1.0f, 1.0f}, 0, grazing},
         {"fujii", T::OrenNayarFujii, {1.0f}, 0, tilted, 304},
         {"translucent", T::Translucent, {}, 0, tilted},
+        {"translucent grazing", T::Translucent, {}, 0, grazing},
         {"ggx .04", T::Microfacet, reflect(0.04f, 0.04f), 0, tilted},
         {"ggx .25", T::Microfacet, reflect(0.25f, 0.25f), 0, tilted},
         {"ggx .25 front", T::Microfacet, reflect(0.25f, 0.25f), 0, front},
@@ -188,26 +194,40 @@ inline std::vector<Case> all_cases() {
         {"beckmann .25", T::Microfacet, reflect(0.25f, 0.25f), kBeckmann, tilted},
         {"beckmann 1 grazing", T::Microfacet, reflect(1, 1), kBeckmann, grazing},
         {"beckmann anisotropic", T::Microfacet, reflect(0.1f, 0.6f), kBeckmann | kAniso, tilted, 304},
+        {"schlick black", T::Microfacet, reflect(0.3f, 0.3f, {1.5f, 0, 0, 0}), kind(FresnelKind::Schlick), grazing},
+        {"schlick white", T::Microfacet, reflect(1, 1, {1.5f, 1, 1, 1}), kind(FresnelKind::Schlick), tilted},
+        {"schlick film", T::Microfacet, reflect(0.3f, 0.3f, {1.5f, 0.04f, 0.04f, 0.04f, 400, 1.33f}), kind(FresnelKind::SchlickFilm), tilted},
+        {"f82 film", T::Microfacet, reflect(0.5f, 0.5f, {0.9f, 0.6f, 0.3f, 0.1f, 0.5f, 1.0f, 700, 1.8f}), kind(FresnelKind::F82Film), grazing},
+        {"conductor film", T::Microfacet, reflect(0.2f, 0.2f, {0.2f, 0.9f, 1.5f, 3.9f, 2.5f, 1.9f, 250, 1.4f}), kind(FresnelKind::ConductorFilm), tilted},
+        {"dielectric index below 1", T::Microfacet, reflect(0.4f, 0.4f, {0.7f}), kind(FresnelKind::Dielectric), tilted},
         {"schlick", T::Microfacet, reflect(0.3f, 0.3f, {1.5f, 0.04f, 0.1f, 0.2f}), kind(FresnelKind::Schlick), tilted},
         {"dielectric", T::Microfacet, reflect(0.3f, 0.3f, {1.5f}), kind(FresnelKind::Dielectric), tilted},
         {"f82", T::Microfacet, reflect(0.3f, 0.3f, {0.9f, 0.6f, 0.3f, 0.1f, 0.5f, 1.0f}), kind(FresnelKind::F82), tilted},
         {"conductor", T::Microfacet, reflect(0.3f, 0.3f, {0.2f, 0.9f, 1.5f, 3.9f, 2.5f, 1.9f}), kind(FresnelKind::Conductor), tilted},
         {"refract 1.45", T::MicrofacetRefract, refract(0.2f, 1.45f), 0, tilted},
         {"refract 1/1.45", T::MicrofacetRefract, refract(0.2f, 1 / 1.45f), 0, tilted},
+        {"refract 1 grazing", T::MicrofacetRefract, refract(1.0f, 1.45f), 0, grazing},
         {"refract beckmann", T::MicrofacetRefract, refract(0.3f, 1.33f), kBeckmann, tilted, 304},
         {"pane", T::MicrofacetThin, reflect(0.3f, 0.3f), 0, tilted},
         {"glass .09", T::MicrofacetGlass, glass(0.09f, 1.45f), 0, tilted},
         {"glass .5", T::MicrofacetGlass, glass(0.5f, 1.45f), 0, tilted},
         {"glass .5 inside", T::MicrofacetGlass, glass(0.5f, 1 / 1.45f), 0, direction(60, 10)},
         {"glass 1 grazing", T::MicrofacetGlass, glass(1.0f, 2.4f), 0, grazing},
+        {"glass index below 1", T::MicrofacetGlass, glass(0.4f, 0.7f), 0, tilted},
+        {"glass film", T::MicrofacetGlass, glass_film(0.3f, 1.45f, 500, 1.33f), kind(FresnelKind::SchlickFilm), tilted},
+        {"glass film inside", T::MicrofacetGlass, glass_film(0.5f, 1 / 1.45f, 500, 1.33f / 1.45f), kind(FresnelKind::SchlickFilm), direction(30, 10)},
         {"glass beckmann", T::MicrofacetGlass, glass(0.3f, 1.45f), kBeckmann, tilted},
         {"ashikhmin-shirley", T::AshikhminShirley, reflect(0.25f, 0.25f), 0, tilted},
         {"ashikhmin-shirley anisotropic", T::AshikhminShirley, reflect(0.15f, 0.5f), kAniso, tilted},
+        {"ashikhmin-shirley grazing", T::AshikhminShirley, reflect(0.4f, 0.4f), 0, grazing},
         {"ashikhmin-shirley 1", T::AshikhminShirley, reflect(1, 1), 0, tilted},
         {"velvet", T::AshikhminVelvet, {0.5f}, 0, tilted},
+        {"velvet 1 grazing", T::AshikhminVelvet, {1.0f}, 0, grazing},
+        {"sheen .1 grazing", T::SheenLtc, {0.1f}, 0, direction(80, 10)},
         {"sheen .3", T::SheenLtc, {0.3f}, 0, direction(60, 40)},
         {"sheen 1", T::SheenLtc, {1.0f}, 0, tilted},
         {"toon diffuse", T::DiffuseToon, {0.35f, 0.15f}, 0, tilted},
+        {"toon diffuse 1", T::DiffuseToon, {1.0f, 0.0f}, 0, tilted},
         {"toon glossy", T::GlossyToon, {0.3f, 0.2f}, 0, tilted},
         {"v1 diffuse", T::PrincipledDiffuseV1, {0.5f}, 0, tilted, 304},
         {"v1 sheen", T::PrincipledSheenV1, {}, 0, tilted, 304},
