@@ -53,6 +53,26 @@ def test_catcher_behind_a_pane(pair_scene: Any, tmp_path: Path) -> None:
     agree(pair_scene, tmp_path, samples=128, bounds=Bounds(0.02, 0.1))
 
 
+@pytest.mark.parametrize("transparent", [False, True])
+@pytest.mark.parametrize("wants_pass", [False, True])
+def test_half_transparent_catcher(pair_scene: Any, tmp_path: Path, transparent: bool, wants_pass: bool) -> None:
+    """What the catcher lets through counts with it and without it: over the film's edge, and over a floor below."""
+
+    def half(tree: Any) -> Any:
+        mix = tree("MixShader", in0=0.5)
+        for number, node in ((1, tree("BsdfTransparent", Color=(1, 1, 1))), (2, tree("BsdfDiffuse", Color=0.6))):
+            tree.tree.links.new(node.outputs[0], mix.inputs[number])
+        return mix
+
+    catcher = ball_on_catcher(pair_scene)
+    catcher.data.materials[0] = material(half)
+    add_plane(diffuse((0.1, 0.5, 0.9)), 2.0, location=(1.0, 0.0, -0.5))
+    pair_scene.render.film_transparent = transparent
+    pair_scene.view_layers[0].cycles.use_pass_shadow_catcher = wants_pass
+    passes = ("Combined", "Shadow Catcher") if wants_pass else ("Combined",)
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.1), passes=passes)
+
+
 def test_light_that_is_not_real(pair_scene: Any, tmp_path: Path) -> None:
     """A lamp that is no shadow catcher brightens the catcher's pass."""
     ball_on_catcher(pair_scene)

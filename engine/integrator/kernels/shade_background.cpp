@@ -91,6 +91,13 @@ void write_world_aovs(const RenderContext& context, Worker& worker, const int32_
     write_aovs(context, worker, compiled.aov, lanes, tile);
 }
 
+/// Whether the pixel shows what is behind everything along this path. As in Cycles the catchers' pass counts too: what a catcher lets through makes its
+/// shadow lighter by as much again.
+bool shows_background(const Worker& worker, int32_t lane) {
+    const int32_t asked = kPathSeesBackground | (worker.catcher_pass ? kPathCatcherPass : 0);
+    return (worker.paths.flags[lane] & asked) == asked;
+}
+
 }  // namespace
 
 void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
@@ -125,18 +132,19 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = span_lanes[i];
                 if (!(paths.flags[lane] & kPathSeesBackground)) continue;
+                store(s.rgb, i, Rgb{});
+                if (!shows_background(worker, lane)) continue;
                 s.itmp[count] = paths.pixel[lane];
                 if (context.has_catchers) mark_matte(paths, &lane, 1, s.matte + count);
                 s.tmp[count++] = mean(load(paths.throughput, lane));
-                store(s.rgb, i, Rgb{});
             }
-            if (!worker.catcher_pass) film::add_alpha(tile, s.itmp, s.tmp, count, context.has_catchers ? s.matte : nullptr);
+            film::add_alpha(tile, s.itmp, s.tmp, count, context.has_catchers ? s.matte : nullptr);
         }
-        if (context.has_catchers && !worker.catcher_pass && !settings.film_transparent) {
+        if (context.has_catchers && !settings.film_transparent) {
             int count = 0;
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = span_lanes[i];
-                if (!(paths.flags[lane] & kPathSeesBackground)) continue;
+                if (!shows_background(worker, lane)) continue;
                 s.itmp[count] = paths.pixel[lane];
                 store(s.tmp3, count++, load(s.rgb, i) * load(paths.throughput, lane));
             }
