@@ -20,7 +20,7 @@ command -v debootstrap >/dev/null || apt-get install -y -q --no-install-recommen
 cp /etc/resolv.conf "$tree/etc/resolv.conf"
 if compgen -G '/usr/local/share/ca-certificates/*.crt' > /dev/null; then
   cp /usr/local/share/ca-certificates/*.crt "$tree/usr/local/share/ca-certificates/"
-  chroot "$tree" update-ca-certificates > /dev/null
+  chroot "$tree" update-ca-certificates > /dev/null 2>&1
 fi
 [ ! -f /etc/pip.conf ] || cp /etc/pip.conf "$tree/etc/pip.conf"
 # A mirror may lag behind: sid's lists are good for a week only.
