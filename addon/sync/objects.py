@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import versions
-from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext
+from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext, column_major
 from .culling import Culling
 from .hashes import mixed_keys, name_key
 from .lights import light_values
@@ -107,47 +107,48 @@ class ObjectPass:
         """Gathers records, rows and lamps."""
         out = self.out
         instances = self.depsgraph.object_instances
-        count = len(instances)
-        matrices = np.empty(count * 16, dtype=np.float32)
-        out.random = np.empty(count, dtype=np.uint32)
-        out.is_instance = np.empty(count, dtype=np.bool_)
-        shown, hairy = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-        if count:
-            instances.foreach_get("show_self", shown)
-            instances.foreach_get("show_particles", hairy)
-            instances.foreach_get("matrix_world", matrices)
-            instances.foreach_get("random_id", out.random)
-            instances.foreach_get("is_instance", out.is_instance)
-        out.matrices = matrices.reshape(count, 16)
-        cache: dict[tuple[int, int, int], tuple[int, tuple[int, ...]]] = {}
+        use_strand = self.view_layer.use_strand
+        cache: dict[tuple[Any, Any, Any], tuple[int, tuple[int, ...]]] = {}
         rows, which = out.rows, out.which
-        dupli, visible = out.is_instance.tolist(), shown.tolist()
-        grows = (hairy & self.view_layer.use_strand).tolist()
+        dupli: list[bool] = []
+        random: list[int] = []
+        # One value a time: in bulk Blender walks the instances again for each, which takes six times as long.
         for row, instance in enumerate(instances):
-            if not visible[row] and not grows[row]:
+            is_dupli = instance.is_instance
+            dupli.append(is_dupli)
+            random.append(instance.random_id)
+            visible, grows = instance.show_self, instance.show_particles and use_strand
+            if not visible and not grows:
                 continue
             obj = instance.object
             data = obj.data
             if data is None:
                 continue
-            parent = instance.parent if dupli[row] else None
-            # Objects of instances are made for the step: their original is what lasts.
-            key = (obj.original.as_pointer(), data.as_pointer(), parent.as_pointer() if parent is not None else 0)
+            parent = instance.parent if is_dupli else None
+            # Objects of instances are made for the step: what they stand for is what lasts.
+            key = (instance.instance_object if is_dupli else obj, data, parent)
             known = cache.get(key)
             if known is None:
-                index = self._record(obj, data, parent) if visible[row] else SKIP
-                known = cache[key] = (index, self._hair_records(obj, data, parent) if grows[row] else ())
+                index = self._record(obj, data, parent) if visible else SKIP
+                known = cache[key] = (index, self._hair_records(obj, data, parent) if grows else ())
             index, strands = known
             if parent is None:
-                out.random[row] = name_key(obj.name)
-            if index >= 0 and visible[row]:
+                random[row] = name_key(obj.name)
+            if index >= 0 and visible:
                 rows.append(row)
                 which.append(index)
             elif index == LIGHT:
-                self._light(obj, parent, row)
+                self._light(obj, parent, random[row], column_major(instance.matrix_world))
             for strand in strands:
                 rows.append(row)
                 which.append(strand)
+        count = len(dupli)
+        out.is_instance = np.array(dupli, dtype=np.bool_)
+        out.random = np.array(random, dtype=np.int64).astype(np.uint32)
+        matrices = np.empty(count * 16, dtype=np.float32)
+        if count:
+            instances.foreach_get("matrix_world", matrices)
+        out.matrices = matrices.reshape(count, 16)
         if self.culling is not None:
             self._cull(self.culling)
         real = ~out.is_instance
@@ -204,9 +205,10 @@ class ObjectPass:
         instances.foreach_get("uv", uv)
         self.out.dupli = (orco.reshape(count, 3) * np.float32(0.5) - np.float32(0.5), uv.reshape(count, 2))
 
-    def _light(self, obj: Any, parent: Any, row: int) -> None:
-        matrix = self.out.matrices[row].tolist()
-        random = int(mixed_keys(self.out.random[row : row + 1])[0]) if parent is None else int(self.out.random[row])
+    def _light(self, obj: Any, parent: Any, random: int, matrix: list[float]) -> None:
+        random &= 0xFFFFFFFF  # Blender gives instances' numbers a sign
+        if parent is None:
+            random = int(mixed_keys(np.array([random], dtype=np.uint32))[0])
         values = light_values(self.context, self.shaders, obj, matrix, self._visibility(obj, parent), random)
         if values is not None:
             self.out.lights.append(values)
