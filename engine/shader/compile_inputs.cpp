@@ -52,9 +52,10 @@ void compile_texture_coordinate(NodeContext& n) {
     n.set_vector("Object", object && object->size() == 12 ? n.affine(*object, p, 0) : n.to_object(p, TransformKind::PointToObject));
     n.set_vector("Camera", e.emit3(Op::CameraTransform, uint8_t(TransformKind::PointToObject), {p.x, p.y, p.z}));
     if (n.output_linked("Window")) {
-        if (n.graph().scene.camera.type == scene::CameraType::Panoramic)
-            n.warn("Window coordinates of a panoramic camera are not supported: a perspective is used");
-        const Value window = e.emit(Op::Window, 0, {p.x, p.y, p.z}, 2);
+        const scene::Camera& camera = n.graph().scene.camera;
+        const bool polynomial = camera.type == scene::CameraType::Panoramic && camera.panorama == scene::PanoramaType::FisheyePolynomial;
+        if (polynomial && n.semantics.version < 402) n.warn("Window coordinates of a fisheye lens polynomial are those of newer versions");
+        const Value window = e.emit(Op::Window, n.semantics.fisheye_window_mirrored ? 1 : 0, {p.x, p.y, p.z}, 2);
         n.set_vector("Window", {window, e.after(window, 1), e.literal(0)});
     }
     // Mirror direction of the viewer; in the background there is no surface to mirror.

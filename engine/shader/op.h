@@ -23,7 +23,7 @@ enum class Op : uint16_t {
     ObjectTransform,    ///< vector -> vector by the lane's object or lamp (background: unchanged). variant: TransformKind
     CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
-    Window,             ///< world position -> x, y of the film in 0..1
+    Window,             ///< world position -> x, y of the film in 0..1. variant: 1 fisheyes (equidistant, equisolid) are mirrored
     Attribute,          ///< u, v -> 4 components, and what a number reads of them. data: attribute id; variant: AttributeSource
     Generated,          ///< u, v, object position -> vector. data: id of "@generated"
     VertexNormal,       ///< u, v -> interpolated unnormalised object-space normal (geometric on flat faces), facing the front side

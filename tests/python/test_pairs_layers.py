@@ -68,6 +68,26 @@ def test_panoramas(pair_scene: Any, tmp_path: Path, kind: str) -> None:
     agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.06))
 
 
+@pytest.mark.parametrize("kind", PANORAMAS)
+def test_window_of_panoramas(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    """The place in the picture, as a ball and the sky show it."""
+    camera = look_at(pair_scene, (0.0, 0.0, 1.0), (0.0, 3.0, 1.2)).data
+    holder = camera if hasattr(camera, "panorama_type") else camera.cycles
+    camera.type = "PANO"
+    if kind not in holder.bl_rna.properties["panorama_type"].enum_items.keys():
+        pytest.skip("not in this Blender")
+    if kind == "FISHEYE_LENS_POLYNOMIAL" and bpy.app.version < (4, 0, 0):
+        pytest.skip("its inverse is an approximation there")
+    holder.panorama_type = kind
+    for name, value in PANORAMAS[kind].items():
+        setattr(holder, name, value)
+    add_sphere(material(lambda tree: tree("TexCoord").outputs["Window"]), 1.5, location=(0.0, 3.0, 1.0))
+    set_world(pair_scene, build=lambda tree: tree("TexCoord").outputs["Window"])
+    pair_scene.render.resolution_x, pair_scene.render.resolution_y = 40, 28
+    pair_scene.cycles.filter_width = 0.01
+    agree(pair_scene, tmp_path, samples=16, batches=8, bounds=Bounds(0.01, 0.06))
+
+
 def in_collection(scene: Any, obj: Any) -> Any:
     """A collection of the scene with this object in it alone; returns its layer collection."""
     collection = bpy.data.collections.new("Pair")

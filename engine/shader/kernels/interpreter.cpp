@@ -46,7 +46,7 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 op_affine(i, r, n);
                 break;
             case Op::Window:
-                op_window(r, n, scope);
+                op_window(i, r, n, scope);
                 break;
             case Op::Attribute:
                 op_attribute(i, r, n, scope);

@@ -29,7 +29,7 @@ void op_input(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_constant(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_object_transform(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_camera_transform(const Instruction& i, Registers r, int n, const OpScope& scope);
-void op_window(Registers r, int n, const OpScope& scope);
+void op_window(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_attribute(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_attribute_at(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_generated(const Instruction& i, Registers r, int n, const OpScope& scope);
