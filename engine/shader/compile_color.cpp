@@ -43,8 +43,8 @@ void compile_combine_hsv(NodeContext& n) {
 
 void compile_hue_saturation(NodeContext& n) {
     const Value3 c = n.color("Color", {0.8f, 0.8f, 0.8f});
-    n.set_color("Color",
-                n.e.emit3(Op::HueSaturation, 0, {n.value("Hue", 0.5f), n.value("Saturation", 1), n.value("Value", 1), n.value("Fac", 1), c.x, c.y, c.z}));
+    n.set_color("Color", n.e.emit3(Op::HueSaturation, n.semantics.hue_truncates ? 1 : 0,
+                                   {n.value("Hue", 0.5f), n.value("Saturation", 1), n.value("Value", 1), n.value("Fac", 1), c.x, c.y, c.z}));
 }
 
 void compile_bright_contrast(NodeContext& n) {

@@ -36,7 +36,7 @@ enum class Op : uint16_t {
     // Colour
     Blend,          ///< factor, a rgb, b rgb -> rgb. variant: BlendKind
     ColorConvert,   ///< 3 -> 3. variant: ConvertKind
-    HueSaturation,  ///< hue, saturation, value, factor, rgb -> rgb
+    HueSaturation,  ///< hue, saturation, value, factor, rgb -> rgb. variant: 1 hues below 0 stay there
     Ramp,           ///< factor, offset bits, count bits -> rgba. variant: 1 constant interpolation
     Curve,          ///< x, offset bits, count bits, min, 1/(max - min) -> y. variant: 1 extrapolate
     Curves,         ///< r, g, b, offset bits, count bits, min, 1/(max - min) -> rgb, each by its own curve; four floats a step. variant: 1 extrapolate

@@ -20,6 +20,7 @@ struct Semantics {
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
     bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
     Rec709 rec709 = Rec709::Exact;
+    bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (up to 4.2)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
 };
@@ -39,6 +40,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
+    s.hue_truncates = version < 405;
     s.fisheye_window_mirrored = version < 405;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;

@@ -76,7 +76,7 @@ void run_program(const Program& program, const Programs& programs, const Shading
                 op_color_convert(i, r, n);
                 break;
             case Op::HueSaturation:
-                op_hue_saturation(r, n);
+                op_hue_saturation(i, r, n);
                 break;
             case Op::Ramp:
                 op_ramp(i, r, n, scope);

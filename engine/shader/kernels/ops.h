@@ -41,7 +41,7 @@ void op_curve_tangent(const Instruction& instruction, Registers r, int n, const 
 
 void op_blend(const Instruction& i, Registers r, int n);
 void op_color_convert(const Instruction& i, Registers r, int n);
-void op_hue_saturation(Registers r, int n);
+void op_hue_saturation(const Instruction& i, Registers r, int n);
 void op_ramp(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_curve(const Instruction& i, Registers r, int n, const OpScope& scope);
 void op_curves(const Instruction& i, Registers r, int n, const OpScope& scope);

@@ -184,14 +184,17 @@ void op_color_convert(const Instruction& i, Registers r, int n) {
     }
 }
 
-void op_hue_saturation(Registers r, int n) {
+void op_hue_saturation(const Instruction& i, Registers r, int n) {
+    const float truncates = i.variant == 1 ? 1.0f : 0.0f;
     Column x = r[0], y = r[1], z = r[2];
     ConstColumn hue = r[3], saturation = r[4], value = r[5], factor = r[6], a = r[7], b = r[8], c = r[9];
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
         const Vec3 in{a[k], b[k], c[k]};
         const Vec3 h = rgb_to_hsv(in);
-        const Vec3 v = lerp(in, hsv_to_rgb({lane_fract(h.x + hue[k] + 0.5f), saturate(h.y * saturation[k]), h.z * value[k]}), factor[k]);
+        const float turned = h.x + hue[k] + 0.5f, down = lane_floor(turned);
+        const Vec3 v =
+            lerp(in, hsv_to_rgb({turned - (down + (lane_trunc(turned) - down) * truncates), saturate(h.y * saturation[k]), h.z * value[k]}), factor[k]);
         x[k] = maxf(v.x, 0.0f);
         y[k] = maxf(v.y, 0.0f);
         z[k] = maxf(v.z, 0.0f);
