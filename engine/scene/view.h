@@ -126,7 +126,7 @@ struct SceneTables {
 /// What kernels see of a mesh. `attributes`: a row of tables.attribute_names.size() entries, which this fills and the view points to.
 MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* attributes);
 
-/// `default_shader`: handle of the grey shader that stands for missing materials.
+/// `default_shader`: handle of the shader that stands for missing materials.
 /// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables);
 

@@ -10,20 +10,29 @@
 namespace talbot::shader {
 namespace {
 
-/// Blender's look of a slot without material.
-scene::Shader default_grey() {
+/// Blender's look of a slot without material: its new material's from 5.0 on, grey paint before.
+scene::Shader default_surface(const Semantics& semantics) {
+    using scene::SocketKind;
     scene::Shader shader;
     shader.name = "Default";
-    scene::Node diffuse;
-    diffuse.type = "ShaderNodeBsdfDiffuse";
-    diffuse.name = "Diffuse BSDF";
-    diffuse.inputs.push_back({"Color", scene::SocketKind::Color, {0.8f, 0.8f, 0.8f, 1}, false, -1, {}});
-    diffuse.outputs.push_back({"BSDF", scene::SocketKind::Shader, {}});
+    scene::Node bsdf;
+    bsdf.name = "Default BSDF";
+    if (semantics.default_is_principled) {
+        bsdf.type = "ShaderNodeBsdfPrincipled";
+        bsdf.inputs.push_back({"Base Color", SocketKind::Color, {0.8f, 0.8f, 0.8f, 1}, false, -1, {}});
+        bsdf.inputs.push_back({"Specular Tint", SocketKind::Color, {1, 1, 1, 1}, false, -1, {}});
+        const std::pair<const char*, float> numbers[] = {{"Roughness", 0.5f}, {"IOR", 1.5f}, {"Alpha", 1}, {"Specular IOR Level", 0.5f}};
+        for (auto [name, x] : numbers) bsdf.inputs.push_back({name, SocketKind::Float, {x, 0, 0, 0}, false, -1, {}});
+    } else {
+        bsdf.type = "ShaderNodeBsdfDiffuse";
+        bsdf.inputs.push_back({"Color", SocketKind::Color, {0.8f, 0.8f, 0.8f, 1}, false, -1, {}});
+    }
+    bsdf.outputs.push_back({"BSDF", SocketKind::Shader, {}});
     scene::Node output;
     output.type = "ShaderNodeOutputMaterial";
     output.name = "Material Output";
-    output.inputs.push_back({"Surface", scene::SocketKind::Shader, {}, false, 0, "BSDF"});
-    shader.graph.nodes = {diffuse, output};
+    output.inputs.push_back({"Surface", SocketKind::Shader, {}, false, 0, "BSDF"});
+    shader.graph.nodes = {bsdf, output};
     shader.graph.output_node = 1;
     return shader;
 }
@@ -59,7 +68,7 @@ public:
     Programs run() {
         for (const scene::Shader& shader : scene_.shaders) compile(shader);
         programs_.default_shader = int(programs_.shaders.size());
-        compile(default_grey());
+        compile(default_surface(semantics_of(scene_.settings.version)));
         for (const auto& program : programs_.programs) {
             programs_.max_registers = std::max(programs_.max_registers, program->register_count);
             programs_.max_slots = std::max(programs_.max_slots, int(program->slots.size()));

@@ -23,6 +23,7 @@ struct Semantics {
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (up to 4.2)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
+    bool default_is_principled = true;     ///< what has no material looks like a new material, as if painted before 5.0
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
@@ -42,6 +43,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.hue_truncates = version < 405;
     s.fisheye_window_mirrored = version < 405;
+    s.default_is_principled = version >= 500;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;
 }

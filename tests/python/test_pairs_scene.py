@@ -55,6 +55,18 @@ def set_custom_normals(obj: Any) -> None:
     mesh.normals_split_custom_set_from_vertices([tuple(normal) for normal in normals])
 
 
+def test_no_material(pair_scene: Any, tmp_path: Path) -> None:
+    """No slot, and an empty one: grey paint, from 5.0 on the look of a new material."""
+    look_at(pair_scene, (2.2, -4.2, 2.4))
+    lit(pair_scene)
+    for place, slots in ((-1.5, 0), (1.5, 1)):
+        plane = add_plane(diffuse(), 3.0, location=(place, 0, 0))
+        plane.data.materials.clear()
+        for _ in range(slots):
+            plane.data.materials.append(None)
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.01, 0.04, 0.002))
+
+
 def test_normals(pair_scene: Any, tmp_path: Path) -> None:
     """Smooth, flat, auto smooth, custom, mixed faces, sharp edges; with unequal and negative scales."""
     look_down(pair_scene, 3.0)
