@@ -79,6 +79,7 @@ def read_hair(context: SyncContext, source: HairSource, scene: Any) -> dict[str,
             context.check()
         number = first + strand
         positions[strand] = [co_hair(obj, particle_no=number, step=step) for step in range(keys)]
+    end_where_cut(positions)
     inverse = np.array(obj.matrix_world.inverted_safe(), dtype=np.float64)
     local = (positions.astype(np.float64) @ inverse[:3, :3].T + inverse[:3, 3]).astype(np.float32)
 
@@ -107,6 +108,15 @@ def read_hair(context: SyncContext, source: HairSource, scene: Any) -> dict[str,
         **_active_names(obj.data),
         **curve_settings(scene),
     }
+
+
+def end_where_cut(positions: F32) -> None:
+    """Children shorter than their parents have fewer keys; Blender answers zeros for the rest. The strand ends before.
+    `positions`: strands x keys x 3, changed in place."""
+    is_key = positions.any(axis=2)
+    last = positions.shape[1] - 1 - np.argmax(is_key[:, ::-1], axis=1)
+    for strand in np.flatnonzero(~is_key[:, -1] & is_key.any(axis=1)):
+        positions[strand, last[strand] + 1 :] = positions[strand, last[strand]]
 
 
 def strand_radii(settings: Any, part: F32) -> F32:

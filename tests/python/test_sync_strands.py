@@ -68,6 +68,20 @@ def test_particle_hair(empty_scene: Any) -> None:
     assert len(session.objects["mesh"]) == 2
 
 
+def test_short_children_end_where_they_are_cut(empty_scene: Any) -> None:
+    """Blender has no keys for the rest, and answers zeros."""
+    obj = add_mesh("Head", SQUARE, [(0, 1, 2, 3)])
+    obj.location = (5, 0, 0)
+    settings = add_hair(obj, child_type="INTERPOLATED", display_step=3, child_length=0.45)
+    setattr(settings, "child_nbr" if hasattr(settings, "child_nbr") else "child_percent", 20)
+    hair = synchronise(viewport=True)[0].mesh(obj.particle_systems[0].name)
+    keys = np.diff(hair["curve_starts"])
+    assert len(keys) > 50 and keys.min() < 9
+    # A strand that went to the world's origin would leave the square's five units away.
+    assert (hair["positions"][:, 0] > -0.5).all()
+    assert attributes(hair)["@length"][2].max() < 2.1
+
+
 def test_hair_is_left_out_where_it_is_hidden(empty_scene: Any) -> None:
     obj = add_mesh("Head", SQUARE, [(0, 1, 2, 3)])
     add_hair(obj)
