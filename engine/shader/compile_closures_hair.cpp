@@ -62,7 +62,11 @@ void compile_huang(Strand& s, Value3 weight) {
     Value3 major = normal;
     if (!e.is(n.value("Aspect Ratio", 1), 1)) {
         const auto own = n.attribute(scene::kCurveNormal);
-        const Value3 own_world = n.to_object({own[0], own[1], own[2]}, TransformKind::VectorToWorld);
+        Value3 own_world = n.to_object({own[0], own[1], own[2]}, TransformKind::VectorToWorld);
+        if (n.semantics.hair_section_faces_up) {
+            const Value there = e.add(e.add(e.mul(own[0], own[0]), e.mul(own[1], own[1])), e.mul(own[2], own[2]));
+            own_world.z = e.select(there, own_world.z, e.literal(1));
+        }
         const Value section =
             s.op(ClosureOp::HairSection,
                  {tangent.x, tangent.y, tangent.z, wo.x, wo.y, wo.z, normal.x, normal.y, normal.z, own_world.x, own_world.y, own_world.z, ratio}, 4);

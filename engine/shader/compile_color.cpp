@@ -134,7 +134,7 @@ void compile_blackbody(NodeContext& n) {
     // Even steps in 1/T follow the curve's bend at low temperatures.
     Expressions& e = n.e;
     const Value inverse = e.div(e.literal(1), e.max(n.value("Temperature", 6500), 1.0f));
-    n.set_color("Color", lookup(e, blackbody_table(), inverse, 1.0f / kBlackbodyHot, 1.0f / kBlackbodyCold));
+    n.set_color("Color", lookup(e, blackbody_table(n.semantics.blackbody), inverse, 1.0f / kBlackbodyHot, 1.0f / kBlackbodyCold));
 }
 
 void compile_wavelength(NodeContext& n) {

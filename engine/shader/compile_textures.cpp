@@ -231,7 +231,11 @@ void compile_magic(NodeContext& n) {
     Expressions& e = n.e;
     const Value3 p = n.texture_vector();
     const int depth = int(clampf(float(n.number("turbulence_depth", 2)), 0, 10));
-    const Value3 c = e.emit3(Op::Magic, uint8_t(depth), {p.x, p.y, p.z, n.value("Scale", 5), n.value("Distortion", 1)});
+    const Value scale = n.value("Scale", 5), distortion = n.value("Distortion", 1);
+    // The operation wraps what it gets, then scales.
+    const Value3 c = n.semantics.magic_wraps_scaled
+                         ? e.emit3(Op::Magic, uint8_t(depth), {e.mul(p.x, scale), e.mul(p.y, scale), e.mul(p.z, scale), e.literal(1), distortion})
+                         : e.emit3(Op::Magic, uint8_t(depth), {p.x, p.y, p.z, scale, distortion});
     n.set_color("Color", c);
     n.set("Fac", e.mul(e.add(e.add(c.x, c.y), c.z), 1.0f / 3.0f));
 }

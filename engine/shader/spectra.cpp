@@ -43,7 +43,10 @@ Rgb observer_color(int nm, Rec709 matrix) {
     return xyz_to_rec709(double(row[0]), double(row[1]), double(row[2]), matrix);
 }
 
-Rgb blackbody_color(float kelvin) {
+namespace {
+
+/// By the matrix of rounded numbers.
+Rgb fitted_blackbody(float kelvin) {
     // By temperature from: a / T + b T + c for red and green, a cubic for blue. Fitted to what Cycles gives, to 4e-7.
     struct Segment {
         double from, red[3], green[3], blue[4];
@@ -77,13 +80,21 @@ Rgb blackbody_color(float kelvin) {
     return {hyperbola(s->red), hyperbola(s->green), float(std::max(blue, 0.0))};
 }
 
-std::vector<Rgb> blackbody_table() {
+}  // namespace
+
+Rgb blackbody_color(float kelvin, Rec709 matrix) {
+    const Rgb fit = fitted_blackbody(kelvin);
+    // Product of the exact matrix and the inverse of the rounded one; what is off its diagonal is below 1e-7.
+    return matrix == Rec709::Exact ? fit * Rgb{1.00015915f, 0.999976919f, 0.99976005f} : fit;
+}
+
+std::vector<Rgb> blackbody_table(Rec709 matrix) {
     constexpr int n = 4096;
     std::vector<Rgb> table;
     for (int i = 0; i < n; ++i) {
         const double inverse = 1.0 / double(kBlackbodyHot) + (1.0 / double(kBlackbodyCold) - 1.0 / double(kBlackbodyHot)) * i / (n - 1);
         // Even steps of 1/T; the ends stand for all that is hotter or colder.
-        table.push_back(blackbody_color(i == 0 ? kBlackbodyHot : i == n - 1 ? 0.0f : float(1.0 / inverse)));
+        table.push_back(blackbody_color(i == 0 ? kBlackbodyHot : i == n - 1 ? 0.0f : float(1.0 / inverse), matrix));
     }
     return table;
 }

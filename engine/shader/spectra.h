@@ -17,11 +17,11 @@ Rgb xyz_to_rec709(double x, double y, double z, Rec709 matrix);
 Rgb observer_color(int nm, Rec709 matrix);
 
 /// Rec.709 colour of luminance 1 of a black body, kelvin; not negative, held below 800 K and above 12000 K.
-Rgb blackbody_color(float kelvin);
+Rgb blackbody_color(float kelvin, Rec709 matrix);
 
 inline constexpr float kBlackbodyCold = 800, kBlackbodyHot = 12000;
 /// blackbody_color at equal steps of 1/T from hot to cold.
-std::vector<Rgb> blackbody_table();
+std::vector<Rgb> blackbody_table(Rec709 matrix);
 
 /// Light of one wavelength, 375 to 785 nm in steps of 5, scaled as Blender's Wavelength node; not negative.
 std::vector<Rgb> wavelength_table(Rec709 matrix);

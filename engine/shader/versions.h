@@ -19,7 +19,10 @@ struct Semantics {
     float film_fade = 1;                   ///< nm: thinner films fade out
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
     bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
+    bool hair_section_faces_up = true;     ///< elliptic hair without normals of its own has its long axis towards the world's z (5.2; anywhere in 5.0)
     Rec709 rec709 = Rec709::Exact;
+    Rec709 blackbody = Rec709::Exact;      ///< the fit of black bodies was made for rounded numbers; 5.2 converts it
+    bool magic_wraps_scaled = true;        ///< Magic Texture takes coordinates modulo 2 pi after scaling them (from 5.1 or 5.2; tested in 5.0 and 5.2)
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (up to 4.2)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
@@ -41,6 +44,9 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
+    s.hair_section_faces_up = version > 500;
+    s.magic_wraps_scaled = version > 500;
+    s.blackbody = version > 500 ? Rec709::Exact : Rec709::Rounded;
     s.hue_truncates = version < 405;
     s.fisheye_window_mirrored = version < 405;
     s.default_is_principled = version >= 500;
