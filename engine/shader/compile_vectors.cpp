@@ -1,5 +1,6 @@
 // Mapping, rotations, transforms, tangents, normal maps and bump.
 #include "shader/catalogue.h"
+#include "shader/closure_helpers.h"
 #include "shader/graph_compiler.h"
 
 namespace talbot::shader {
@@ -194,6 +195,15 @@ constexpr CatalogueEntry kEntries[] = {
 
 }  // namespace
 
+namespace {
+
+/// Before 4.0 whatever reads a bumped normal gets one that reflections can leave by; later only the closures see to that.
+Value3 finished_bump(NodeContext& n, Value3 bent) {
+    return n.semantics.version < 400 ? ClosureMaker(n).glossy_normal(bent) : bent;
+}
+
+}  // namespace
+
 Value3 bend_normal(NodeContext& n, const BumpRequest& request) {
     Expressions& e = n.e;
     n.graph().values.has_bump = true;
@@ -210,9 +220,10 @@ Value3 bend_normal(NodeContext& n, const BumpRequest& request) {
     };
     const Value h = request.height(n), hx = height_at(e.mul(dx, request.width)), hy = height_at(e.mul(dy, request.width));
     const Value3& normal = request.normal;
-    return e.triple(e.emit(
-        Op::Bump, 0,
-        std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, request.strength, request.distance, request.width}, 3));
+    return finished_bump(n, e.triple(e.emit(Op::Bump, 0,
+                                            std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, request.strength,
+                                                               request.distance, request.width},
+                                            3)));
 }
 
 Value3 bend_undisplaced_normal(NodeContext& n, Value width) {
@@ -253,7 +264,7 @@ Value3 bend_undisplaced_normal(NodeContext& n, Value width) {
     const Value h = height_at({zero, zero, zero}), hx = height_at(e.mul(x, way)), hy = height_at(e.mul(y, way));
     const Value3 bent =
         e.triple(e.emit(Op::Bump, 0, std::vector<Value>{normal.x, normal.y, normal.z, dx.x, dx.y, dx.z, dy.x, dy.y, dy.z, h, hx, hy, one, one, width}, 3));
-    return e.normalize(n.to_object(bent, TransformKind::NormalToWorld));
+    return finished_bump(n, e.normalize(n.to_object(bent, TransformKind::NormalToWorld)));
 }
 
 std::span<const CatalogueEntry> vector_nodes() {

@@ -146,7 +146,7 @@ enum class VectorKind : uint8_t {
     FaceForward,  ///< 9 -> 3
     RotateAxis,   ///< vector, axis, angle -> 3
     EulerMatrix,  ///< xyz angles -> 9, row-major, X first
-    Basis,        ///< unit normal -> two unit vectors that make it a right-handed frame (3 -> 6)
+    Basis,        ///< unit normal -> two unit vectors that make it a right-handed frame, those of Cycles' ray differentials (3 -> 6)
     SafeNormal,   ///< vector, fallback -> unit vector; the fallback where the vector is zero or not finite
 };
 

@@ -92,6 +92,21 @@ TALBOT_INLINE Vec3 panorama_direction(const scene::Camera& camera, FilmPoint fil
     return {};
 }
 
+/// Angle, in radians, by which the mean neighbouring pixel's ray through the lens' centre turns away: half the sum for the one to the right and the one above.
+TALBOT_INLINE float pixel_angle(const scene::Camera& camera, FilmPoint film, Vec2 pixel) {
+    if (camera.type == scene::CameraType::Perspective) {
+        const float x = lerp(camera.view[0], camera.view[1], film.x), y = lerp(camera.view[2], camera.view[3], film.y);
+        const float inverse2 = 1.0f / (1.0f + x * x + y * y);
+        const float wide = std::fabs(camera.view[1] - camera.view[0]) * pixel.x * std::sqrt(1.0f - x * x * inverse2);
+        const float high = std::fabs(camera.view[3] - camera.view[2]) * pixel.y * std::sqrt(1.0f - y * y * inverse2);
+        return 0.5f * (wide + high) * std::sqrt(inverse2);
+    }
+    if (camera.type == scene::CameraType::Orthographic) return 0.0f;
+    const Vec3 d = panorama_direction(camera, film);
+    const Vec3 right = panorama_direction(camera, {film.x + pixel.x, film.y}), above = panorama_direction(camera, {film.x, film.y + pixel.y});
+    return 0.5f * (length(right - d) + length(above - d));
+}
+
 struct CameraRay {
     Vec3 origin, direction;   ///< camera space
     float near = 0, far = 0;  ///< along the ray
@@ -285,10 +300,9 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
     const scene::Settings& settings = *context.settings;
     const scene::Camera& camera = *context.camera;
     PathColumns& paths = worker.paths;
-    const float pixel_x = (camera.view[1] - camera.view[0]) / float(settings.width);
-    const float pixel_y = (camera.view[3] - camera.view[2]) / float(settings.height);
-    const float pixel_extent = 0.5f * (std::fabs(pixel_x) + std::fabs(pixel_y)) * float(unit.pixel_size);
+    const Vec2 pixel{float(unit.pixel_size) / float(settings.width), float(unit.pixel_size) / float(settings.height)};
     const bool orthographic = camera.type == scene::CameraType::Orthographic;
+    const float pixel_extent = 0.5f * (std::fabs(camera.view[1] - camera.view[0]) * pixel.x + std::fabs(camera.view[3] - camera.view[2]) * pixel.y);
     const bool lens = camera.aperture_radius > 0.0f;
     const bool moves = context.scene->has_motion;
     const scene::Motion& motion = *context.scene->motion;
@@ -322,8 +336,9 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             paths.bsdf_pdf[lane] = 0.0f;
             paths.min_pdf[lane] = 3.0e38f;
             paths.mis_t[lane] = 0.0f;
-            paths.cone_spread[lane] = orthographic ? 0.0f : pixel_extent;
-            paths.cone_width[lane] = orthographic ? pixel_extent : pixel_extent * next.near[i];
+            const float spread = pixel_angle(camera, {next.film_x[i], next.film_y[i]}, pixel);
+            paths.cone_spread[lane] = spread;
+            paths.cone_width[lane] = orthographic ? pixel_extent : spread * next.near[i];
             paths.pixel[lane] = next.pixel[i];
             paths.key[lane] = next.key[i];
             if (moves) paths.time[lane] = next.time[i];

@@ -294,8 +294,11 @@ void op_vector(const Instruction& i, Registers r, int n) {
         case VectorKind::Basis: {
             TALBOT_VECTOR_LOOP
             for (int k = 0; k < n; ++k) {
-                Vec3 t, b;
-                make_basis(read3(r, 6, k), t, b);
+                const Vec3 n = read3(r, 6, k);
+                Vec3 t{n.z - n.y, n.x - n.z, n.y - n.x};
+                const bool diagonal = dot(t, t) < 1e-12f;
+                t = normalize(Vec3{t.x, diagonal ? n.x + n.z : t.y, diagonal ? -n.y - n.x : t.z});
+                const Vec3 b = cross(n, t);
                 r[0][k] = t.x;
                 r[1][k] = t.y;
                 r[2][k] = t.z;

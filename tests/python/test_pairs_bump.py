@@ -1,0 +1,88 @@
+"""Bumped normals seen at a grazing angle, pixel by pixel beside the Cycles of the same Blender.
+
+The finite difference's way and directions show there, and where the bent normal is turned back for reflections.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from pair_scenes import Tree, add_plane, look_at, material, node_tree
+from pairs import render, stacked
+
+
+def shown(tree: Tree, normal: Any) -> Any:
+    """The normal as a colour, 0.5 where it is 0."""
+    return tree("Emission", Color=tree("VectorMath", operation="MULTIPLY_ADD", in0=normal, in1=0.5, in2=0.5))
+
+
+def slope(tree: Tree) -> Any:
+    point = tree("TexCoord").outputs["Object"]
+    return tree("SeparateXYZ", Vector=point).outputs["Y"]
+
+
+def parabola(tree: Tree) -> Any:
+    height = slope(tree)
+    return tree("Math", operation="MULTIPLY", in0=height, in1=height)
+
+
+def cells(tree: Tree) -> Any:
+    return tree("TexVoronoi", Vector=tree("TexCoord").outputs["Object"], Scale=8.0).outputs["Distance"]
+
+
+def bump(height: Callable[[Tree], Any], distance: float) -> Callable[[Tree], Any]:
+    return lambda tree: shown(tree, tree("Bump", Height=height(tree), Distance=distance))
+
+
+def errors(scene: Any, path: Path) -> Any:
+    """Largest difference over the channels of each pixel, for one sample in the middle of each."""
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.cycles.samples = 1
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
+    cycles, talbot = (stacked(render(scene, engine, 0, path), "Combined") for engine in ("CYCLES", "TALBOT"))
+    return np.abs(talbot - cycles).max(-1)
+
+
+@pytest.mark.parametrize("distance", [1.0, -1.0, 4.0, -4.0])
+def test_even_slopes(pair_scene: Any, tmp_path: Path, distance: float) -> None:
+    add_plane(material(bump(slope, distance)), 60.0)
+    look_at(pair_scene, (0, -6, 1), (0, 0, 0.4))
+    assert errors(pair_scene, tmp_path / "pair.exr").max() < 1e-3
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.0])
+def test_displacement_as_bump(pair_scene: Any, tmp_path: Path, scale: float) -> None:
+    """A material shows its displacement as bump unless it is told otherwise."""
+    item = bpy.data.materials.new("Pair")
+    tree = node_tree(item)
+    displacement = tree("Displacement", Height=slope(tree), Midlevel=0.0, Scale=scale)
+    tree("OutputMaterial", Surface=shown(tree, tree("NewGeometry").outputs["Normal"]), Displacement=displacement)
+    add_plane(item, 60.0)
+    look_at(pair_scene, (0, -6, 1), (0, 0, 0.4))
+    assert errors(pair_scene, tmp_path / "pair.exr").max() < 1e-3
+
+
+@pytest.mark.parametrize("height", [parabola, cells])
+def test_uneven_heights(pair_scene: Any, tmp_path: Path, height: Callable[[Tree], Any]) -> None:
+    """Both differ with how far and which way the finite difference goes; single precision leaves a little."""
+    add_plane(material(bump(height, 0.1)), 60.0)
+    look_at(pair_scene, (0, -6, 1), (0, 0, 0.4))
+    assert np.percentile(errors(pair_scene, tmp_path / "pair.exr"), 95) < 0.02
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 0, 0), reason="3.4 adds the film's pixel, 1/64 m here, to the way")
+@pytest.mark.parametrize("kind", ["EQUIRECTANGULAR", "FISHEYE_EQUISOLID"])
+def test_panoramas(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    add_plane(material(bump(cells, 0.1)), 60.0)
+    camera = look_at(pair_scene, (0, -6, 1), (0, 0, 0.4)).data
+    camera.type = "PANO"
+    owner = camera if hasattr(camera, "panorama_type") else camera.cycles
+    owner.panorama_type = kind
+    owner.fisheye_fov, owner.fisheye_lens = math.pi, 10.5
+    assert np.percentile(errors(pair_scene, tmp_path / "pair.exr"), 95) < 0.02
