@@ -60,11 +60,12 @@ def shutter_of(scene: Any, view_layer: Any) -> Shutter | None:
 
 @dataclass
 class Deforming:
-    """A mesh whose shape may change, and its positions by moment."""
+    """A mesh whose shape may change, and its positions by moment, from the first of its instances that is there."""
 
     handle: int
     read: Callable[[Any], dict[str, F32] | None]
     level: int
+    keys: list[InstanceKey] = field(default_factory=list)
     shapes: dict[float, dict[str, F32]] = field(default_factory=dict)
 
 
@@ -77,7 +78,7 @@ class MotionPass:
         self._keys: list[InstanceKey] = []
         self._levels: NDArray[np.int64] = np.zeros(0, np.int64)
         self._matrices: dict[float, F32] = {}
-        self._deforming: dict[tuple[InstanceKey, int], Deforming] = {}
+        self._deforming: dict[int, Deforming] = {}
         self._camera_level = 0
         self._cameras: dict[float, tuple[Matrix, tuple[float, ...]]] = {}
 
@@ -92,13 +93,17 @@ class MotionPass:
         for key, which in zip(self._keys, gathered.which, strict=True):
             record, handle = gathered.records[which], handles[which]
             level = min(levels[which], _level(record, "use_deform_motion"))
-            if handle < 0 or not level or handle in by_velocity or (key, handle) in self._deforming:
+            if handle < 0 or not level or handle in by_velocity:
                 continue
-            if self._send_velocity(record, handle):
+            deforming = self._deforming.get(handle)
+            if deforming is not None:
+                deforming.level = max(deforming.level, level)
+                deforming.keys.append(key)
+            elif self._send_velocity(record, handle):
                 by_velocity.add(handle)
             elif _may_deform(record):
                 reader = _reader(self.context, record, depsgraph)
-                self._deforming[key, handle] = Deforming(handle, reader, level)
+                self._deforming[handle] = Deforming(handle, reader, level, [key])
         camera = scene.camera
         if camera is not None:
             if scene.render.use_multiview:
@@ -117,11 +122,11 @@ class MotionPass:
         self, depsgraph: Any, scene: Any, moment: float, size: tuple[int, int], keys: list[InstanceKey] | None = None
     ) -> None:
         """Reads what is known at this moment of the shutter, to which the scene has been set."""
-        wanted = {key: [] for key, _ in self._deforming}
-        for (key, _), deforming in self._deforming.items():
-            if _has_moment(deforming.level, moment):
-                wanted[key].append(deforming)
-        keys = keys if keys is not None and not any(wanted.values()) else self._instance_keys(depsgraph, wanted, moment)
+        wanted: dict[InstanceKey, list[Deforming]] = {}
+        for deforming in self._deforming.values():
+            for key in deforming.keys if _has_moment(deforming.level, moment) else ():
+                wanted.setdefault(key, []).append(deforming)
+        keys = keys if keys is not None and not wanted else self._instance_keys(depsgraph, wanted, moment)
         rows = {key: row for row, key in enumerate(keys)}
         if moment not in self._matrices:
             matrices = np.empty(len(keys) * 16, dtype=np.float32)
@@ -154,7 +159,7 @@ class MotionPass:
             key = (obj.original.as_pointer(), owner, persistent[row])
             keys.append(key)
             for deforming in wanted.get(key, ()) if wanted else ():
-                shape = deforming.read(obj)
+                shape = deforming.read(obj) if moment not in deforming.shapes else None
                 if shape is not None:
                     deforming.shapes[moment] = shape
         return keys

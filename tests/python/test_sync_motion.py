@@ -138,6 +138,29 @@ def test_camera_and_shapes(capture: Any) -> None:
     assert np.allclose(shapes["Flying"]["positions"].reshape(2, 4, 3)[:, 0, 0], [-0.5, 0.5], atol=1e-5)
 
 
+def test_a_shape_is_read_once_for_all_its_instances(capture: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from talbot.sync import motion
+
+    scene = bpy.context.scene
+    obj = add_mesh("Part", SQUARE, [(0, 1, 2, 3)])
+    wave = obj.modifiers.new("Wave", "WAVE")
+    wave.time_offset, wave.width, wave.height = -20.0, 1.0, 0.3
+    collection = bpy.data.collections.new("Parts")
+    scene.collection.objects.unlink(obj)
+    collection.objects.link(obj)
+    for place in range(12):
+        holder = bpy.data.objects.new("Holder", None)
+        holder.instance_type, holder.instance_collection = "COLLECTION", collection
+        holder.location.x = place
+        scene.collection.objects.link(holder)
+    reads = []
+    positions = motion._positions
+    monkeypatch.setattr(motion, "_positions", lambda data: reads.append(data.name) or positions(data))
+    session = capture()
+    assert len(session.objects["name"]) == 12 and len(session.mesh_motions) == 1
+    assert len(reads) == 3, "one for each moment"
+
+
 def test_nothing_moves_without_the_switch(capture: Any) -> None:
     moving = add_mesh("Moving", SQUARE, [(0, 1, 2, 3)])
     animate(moving, "location", {1: (0, 0, 0), 9: (8, 0, 0)})
