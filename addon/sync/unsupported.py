@@ -22,6 +22,8 @@ def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
     culled = cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)
     if context.viewport and scene.render.use_simplify and culled:
         context.warn(f"{where}: culling is left to final renders; the viewport shows it wherever it is")
+    if cycles.get("is_caustics_caster", False):
+        context.warn(f"{where}: shadow caustics are not supported yet; paths find the light behind it by chance only")
 
 
 def warn_scene(context: SyncContext, scene: Any) -> None:
