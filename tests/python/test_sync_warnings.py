@@ -27,6 +27,7 @@ def test_what_is_missing_is_said(empty_scene: Any) -> None:
     assert result.warnings == ["Scene 'Scene': fast global illumination is ignored; the full one is rendered"]
     scene.cycles.use_fast_gi = False
     bpy.data.objects["Plain"].cycles.is_caustics_caster = True
+    bpy.data.objects["Plain"].update_tag()
     _, _, result = synchronise()
     (warning,) = result.warnings
     assert warning.startswith("Object 'Plain': shadow caustics are not supported yet")
