@@ -108,7 +108,7 @@ private:
         }
     }
 
-    const float* positions() const { return &cage_.positions.data()->x; }
+    const float* positions() const { return cage_.positions.empty() ? nullptr : &cage_.positions.front().x; }
 
     /// Where `k` of 2^levels steps from corner `side` to the next are.
     Place on_side(size_t face, uint32_t side, uint32_t k) const {
