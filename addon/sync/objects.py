@@ -273,7 +273,9 @@ class ObjectPass:
                 material_set=material_set,
                 visibility=visibility,
                 pass_index=obj.pass_index,
-                color=tuple(obj.color),
+                # The instancer's, as Blender has it in the objects that it makes for instances; Python gives the object
+                # that is instanced instead, as long as somebody holds it.
+                color=tuple(holder.color),
                 flags=flags,
                 shading_offset=float(cycles.get("shadow_terminator_offset", 0.0) if shading is None else shading),
                 geometry_offset=float(
@@ -322,14 +324,15 @@ class ObjectPass:
         return index
 
     def _attribute_set(self, holders: tuple[Any, ...], properties: list[str]) -> int:
-        """Custom properties that some shader asks for by name."""
+        """Custom properties that some shader asks for by name. Instances have the colour of their instancer."""
         owners = {"object": holders[-1:], "instancer": holders, "layer": (self.view_layer, self.depsgraph.scene_eval)}
         values = []
         for wanted in properties:
             prefix, name = wanted.split(":", 1)
-            found = next((v for v in (named_property(owner, name) for owner in owners[prefix]) if v), None)
+            asked = holders[:1] if wanted == "object:color" else owners[prefix]
+            found = next((v for v in (named_property(owner, name) for owner in asked) if v), None)
             if found is not None:
-                values.append((name, found))
+                values.append((wanted, found))
         if not values:
             return -1
         key = tuple(values)

@@ -39,6 +39,12 @@ inline constexpr const char* kParticleLocation = "@particle_location";
 inline constexpr const char* kParticleVelocity = "@particle_velocity";
 inline constexpr const char* kParticleSpin = "@particle_spin";
 
+/// What custom properties of an object, its instancer and the view layer begin with in the sets of objects: the three may say different things by
+/// one name.
+inline constexpr const char* kOfObject = "object:";
+inline constexpr const char* kOfInstancer = "instancer:";
+inline constexpr const char* kOfViewLayer = "layer:";
+
 /// How many straight pieces a ribbon's segment is traced as: 1 to 16.
 int ribbon_pieces(const Mesh& mesh);
 

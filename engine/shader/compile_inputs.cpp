@@ -107,7 +107,8 @@ void set_attribute(NodeContext& n, const std::array<Value, 5>& a) {
 
 void compile_attribute(NodeContext& n) {
     const int type = n.choice("attribute_type", {"GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"});
-    set_attribute(n, n.attribute(n.text("attribute_name"), type == 0 ? AttributeSource::Geometry : AttributeSource::Object));
+    static constexpr const char* prefixes[] = {"", scene::kOfObject, scene::kOfInstancer, scene::kOfViewLayer};
+    set_attribute(n, n.attribute(prefixes[type] + n.text("attribute_name"), type == 0 ? AttributeSource::Geometry : AttributeSource::Object));
 }
 
 void compile_color_attribute(NodeContext& n) {

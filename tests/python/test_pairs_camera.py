@@ -81,6 +81,20 @@ def test_depth_of_field(pair_scene: Any, tmp_path: Path, kind: str, projection: 
     agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.05))
 
 
+@pytest.mark.parametrize("projection", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("scale", [(-1.0, 1.0, 1.0), (1.0, -2.0, 1.0), (1.0, 1.0, -1.0)])
+def test_mirrored_cameras(pair_scene: Any, tmp_path: Path, projection: str, scale: tuple[float, ...]) -> None:
+    """Negative scales, which turn the picture over or round; half of the scene is near the near plane, out of focus."""
+    camera = yard(pair_scene)
+    camera.data.type, camera.data.ortho_scale, camera.scale = projection, 6.0, scale
+    camera.data.clip_start = 5.5
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 7.0
+    camera.data.dof.aperture_fstop = 0.1 if projection == "PERSP" else 2.5
+    if scale[2] < 0:
+        camera.location = (0.0, 4.0, 2.0)
+    agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.05))
+
+
 def test_focus_on_an_object(pair_scene: Any, tmp_path: Path) -> None:
     camera = yard(pair_scene).data
     camera.dof.use_dof, camera.dof.aperture_fstop = True, 0.08

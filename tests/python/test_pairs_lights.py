@@ -133,6 +133,22 @@ def test_lamp_options(pair_scene: Any, tmp_path: Path, option: str) -> None:
     agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
 
 
+@pytest.mark.skipif("exposure" not in bpy.types.Light.bl_rna.properties, reason="newer properties of lamps")
+def test_newer_units(pair_scene: Any, tmp_path: Path) -> None:
+    """Exposure, temperature, no division by the area, true spheres."""
+    lamps = [
+        lamp("POINT", 2, shadow_soft_size=0.2, exposure=2.0, use_soft_falloff=False),
+        lamp("SPOT", 5, spot_size=1.5, shadow_soft_size=0.15, normalize=False, exposure=1.0, use_soft_falloff=False),
+        lamp(
+            "AREA", 6, shape="RECTANGLE", size=0.5, size_y=0.3, normalize=False, use_temperature=True, temperature=3000
+        ),
+        lamp("AREA", 5, shape="DISK", size=0.4, use_temperature=True, temperature=9000, exposure=-0.5),
+    ]
+    rooms(pair_scene, lamps)
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
+
+
 def test_lamp_nodes(pair_scene: Any, tmp_path: Path) -> None:
     """Light Output with colours that depend on the direction."""
     lamps = [

@@ -117,6 +117,27 @@ def move_instances(scene: Any, box: Any) -> None:
     animate(empties[0], "location", (4, (-0.5, 0, 0.5)), (6, (0.5, 0, 0.8)))
 
 
+def stiff(scene: Any, box: Any) -> None:
+    deform(scene, box)
+    fly(box)
+    box.cycles.use_deform_motion = False
+
+
+def follow_a_parent(scene: Any, box: Any) -> None:
+    """A turning arm, its box and what hangs on that; the box grows as it goes."""
+    arm = add_object(None)
+    animate(arm, "rotation_euler", (4, (0, 0, -0.5)), (6, (0, 0, 0.6)))
+    box.parent, box.location = arm, (0.8, 0, 0.5)
+    animate(box, "scale", (4, (0.4, 0.4, 0.4)), (6, (0.9, 0.5, 0.6)))
+    small = add_box(diffuse((0.2, 0.5, 0.8)), (0.4, 0.4, 0.4), location=(-1.2, 0.5, 0.0))
+    small.parent = box
+
+
+def orthographic(scene: Any, box: Any) -> None:
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 4.0
+    move_camera(scene, box)
+
+
 MOVES: Sequence[Callable[[Any, Any], None]] = (
     move_object,
     move_from_start,
@@ -130,6 +151,9 @@ MOVES: Sequence[Callable[[Any, Any], None]] = (
     velocities,
     shutter_curve,
     move_instances,
+    stiff,
+    follow_a_parent,
+    orthographic,
 )
 
 
