@@ -1,6 +1,10 @@
 // Voronoi cells in 1 to 4 dimensions [Worley 1996, "A Cellular Texture Basis Function"; Quilez, "Voronoi borders"].
 //
-// The neighbouring cells are the outer loop, the lanes the inner one: every pass hashes one neighbour of each lane's own cell.
+// The neighbouring cells are the outer loop, the lanes the inner one: every pass hashes one neighbour of each lane's own cell. A neighbour that is too
+// far away for every lane of a chunk is not hashed. The nearest point is looked for in each lane's own order: first in the cells on its side of the
+// cell's middle, so that the others are mostly too far.
+#include <algorithm>
+
 #include "base/hash.h"
 #include "shader/kernels/ops.h"
 
@@ -8,16 +12,20 @@ namespace talbot::shader {
 inline namespace TALBOT_ISA {
 namespace {
 
+/// Lanes that are looked at together: few, so that a neighbour is often too far for all of them, and their columns stay in the first cache.
+constexpr int kChunk = 32;
+
 /// Columns of the four coordinates; those beyond the dimension stay 0.
 struct Columns4 {
-    float c[4][kSpan];
+    float c[4][kChunk];
 };
 
 struct Lanes {
     int n = 0, dimensions = 3;
     bool integer_hash = true;
-    Columns4 cell;   ///< the lane's own cell
-    Columns4 local;  ///< place in it, 0..1
+    bool color = true, position = true;  ///< whether somebody asks for them
+    Columns4 cell;                       ///< the lane's own cell
+    Columns4 local;                      ///< place in it, 0..1
     const float* randomness = nullptr;
 };
 
@@ -50,23 +58,31 @@ TALBOT_INLINE Hash4 color_of(float x, float y, float z, float w) {
     }
 }
 
-/// Cell offset common to all lanes plus one of each lane's own (null: none).
+/// Cell offset common to all lanes, times a sign and plus an offset of each lane's own (null: neither).
 struct Offset {
     float c[4];
     const Columns4* lane = nullptr;
+    const Columns4* sign = nullptr;
 };
+constexpr Columns4 filled(float value) {
+    Columns4 out{};
+    for (auto& column : out.c)
+        for (float& x : column) x = value;
+    return out;
+}
+constexpr Columns4 kZeros = filled(0.0f), kOnes = filled(1.0f);
 
 template <int D, bool Integer, bool Color>
 TALBOT_INLINE void hash_loop(const Lanes& s, const Offset& o, Columns4& out) {
-    static constexpr float kZeros[kSpan] = {};
     ConstColumn cx = s.cell.c[0], cy = s.cell.c[1], cz = s.cell.c[2], cw = s.cell.c[3];
-    ConstColumn ox = o.lane ? o.lane->c[0] : kZeros, oy = o.lane ? o.lane->c[1] : kZeros;
-    ConstColumn oz = o.lane ? o.lane->c[2] : kZeros, ow = o.lane ? o.lane->c[3] : kZeros;
+    const Columns4 &own = o.lane ? *o.lane : kZeros, &sign = o.sign ? *o.sign : kOnes;
+    ConstColumn ox = own.c[0], oy = own.c[1], oz = own.c[2], ow = own.c[3];
+    ConstColumn sx = sign.c[0], sy = sign.c[1], sz = sign.c[2], sw = sign.c[3];
     ConstColumn randomness = s.randomness;
     Column x = out.c[0], y = out.c[1], z = out.c[2], w = out.c[3];
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < s.n; ++k) {
-        const float i = o.c[0] + ox[k], j = o.c[1] + oy[k], l = o.c[2] + oz[k], m = o.c[3] + ow[k];
+        const float i = o.c[0] * sx[k] + ox[k], j = o.c[1] * sy[k] + oy[k], l = o.c[2] * sz[k] + oz[k], m = o.c[3] * sw[k] + ow[k];
         if constexpr (Color) {
             const Hash4 h = color_of<D, Integer>(cx[k] + i, cy[k] + j, cz[k] + l, cw[k] + m);
             x[k] = h.x;
@@ -146,131 +162,239 @@ TALBOT_INLINE void for_neighbours(int dimensions, int reach, F visit) {
                 for (int i = -reach; i <= reach; ++i) visit(Offset{{float(i), float(j), float(k), float(l)}, nullptr});
 }
 
-struct Winner {
-    float distance[kSpan];
-    Columns4 offset, point;
-    void reset(int n) {
-        fill(distance, n, 1e30f);
+/// Distances from each lane's place to the cells beside its own, by axis: [0] on the side where it is, [1] on the other.
+struct Sides {
+    Columns4 sign;  ///< towards the nearer side
+    Columns4 apart[2];
+    explicit Sides(const Lanes& s) {
         for (int c = 0; c < 4; ++c) {
-            fill(offset.c[c], n, 0.0f);
-            fill(point.c[c], n, 0.0f);
+            ConstColumn place = s.local.c[c];
+            Column to = sign.c[c], near = apart[0].c[c], far = apart[1].c[c];
+            TALBOT_VECTOR_LOOP
+            for (int k = 0; k < s.n; ++k) {
+                const float x = place[k];
+                to[k] = x < 0.5f ? -1.0f : 1.0f;
+                near[k] = minf(x, 1.0f - x);
+                far[k] = maxf(x, 1.0f - x);
+            }
         }
     }
 };
 
-TALBOT_INLINE void keep_nearest(int n, const Offset& o, const Columns4& point, const float* distance, Winner& best) {
-    Column b = best.distance;
-    ConstColumn d = distance;
-    for (int c = 0; c < 4; ++c) {
-        Column offset = best.offset.c[c], target = best.point.c[c];
-        ConstColumn p = point.c[c];
-        const float oc = o.c[c];
+/// Square of what Euclid's distance is multiplied by to be never above the metric's.
+float least_share(const Lanes& s, VoronoiMetric metric) {
+    if (s.dimensions == 1) return 1.0f;
+    return metric == VoronoiMetric::Minkowski ? 0.0f : metric == VoronoiMetric::Chebychev ? 1.0f / float(s.dimensions) : 1.0f;
+}
+/// Whether for any lane the square of a distance is within that of another. Rounding is allowed for.
+bool any_within(int n, const float* square_column, const float* within_column) {
+    ConstColumn square = square_column, within = within_column;
+    uint32_t any = 0;
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) any |= square[k] <= within[k] * within[k] * 1.0001f + 1e-6f ? 1u : 0u;
+    return any != 0;
+}
+
+/// Whether a point of the cell at `o` (times the lane's signs) may be as near as `within`, for any lane.
+bool reaches(const Lanes& s, const Sides& sides, const Offset& o, VoronoiMetric metric, const float* within) {
+    const float share = least_share(s, metric);
+    const float* column[4];
+    for (int c = 0; c < 4; ++c) column[c] = o.c[c] == 0.0f ? kZeros.c[c] : sides.apart[o.c[c] < 0.0f ? 1 : 0].c[c];
+    ConstColumn a = column[0], b = column[1], c = column[2], d = column[3];
+    float square[kChunk];
+    Column out = square;
+    if (metric == VoronoiMetric::Manhattan) {
         TALBOT_VECTOR_LOOP
-        for (int k = 0; k < n; ++k) {
-            const bool nearer = d[k] < b[k];
-            offset[k] = nearer ? oc : offset[k];
-            target[k] = nearer ? p[k] : target[k];
+        for (int k = 0; k < s.n; ++k) out[k] = talbot::square(a[k] + b[k] + c[k] + d[k]);
+    } else {
+        TALBOT_VECTOR_LOOP
+        for (int k = 0; k < s.n; ++k) out[k] = (a[k] * a[k] + b[k] * b[k] + c[k] * c[k] + d[k] * d[k]) * share;
+    }
+    return any_within(s.n, square, within);
+}
+
+/// The neighbours in the lanes' own signs: 1 is the nearer side, -1 the other. Those of the nearer sides first.
+template <class F>
+TALBOT_INLINE void for_sides(int dimensions, F visit) {
+    int count = 1;
+    for (int c = 0; c < dimensions; ++c) count *= 3;
+    for (int others = 0; others <= dimensions; ++others) {
+        for (int code = 0; code < count; ++code) {
+            Offset o{{0, 0, 0, 0}, nullptr, nullptr};
+            int turned = 0;
+            for (int c = 0, rest = code; c < dimensions; ++c, rest /= 3) {
+                o.c[c] = rest % 3 == 2 ? -1.0f : float(rest % 3);
+                turned += rest % 3 == 2 ? 1 : 0;
+            }
+            if (turned == others) visit(o);
         }
     }
-    TALBOT_VECTOR_LOOP
-    for (int k = 0; k < n; ++k) b[k] = minf(d[k], b[k]);
+}
+
+struct Winner {
+    float distance[kChunk];
+    float rank[kChunk];  ///< of the cell, x fastest, 0 the lane's own: of equally far points the first is nearest
+    Columns4 offset, point;
+};
+
+/// The nearest feature points, and the cells that they are in.
+void find_nearest(const Lanes& s, const Sides& sides, VoronoiMetric metric, const float* exponent, Winner& best) {
+    fill(best.distance, s.n, 1e30f);
+    fill(best.rank, s.n, 0.0f);
+    float d[kChunk];
+    for_sides(s.dimensions, [&](Offset o) {
+        if (!reaches(s, sides, o, metric, best.distance)) return;
+        o.sign = &sides.sign;
+        hash_cells<false>(s, o, best.point);
+        distances(s, best.point, metric, exponent, d);
+        Column distance = best.distance, rank = best.rank;
+        ConstColumn sx = sides.sign.c[0], sy = sides.sign.c[1], sz = sides.sign.c[2], sw = sides.sign.c[3];
+        TALBOT_VECTOR_LOOP
+        for (int k = 0; k < s.n; ++k) {
+            const float here = o.c[0] * sx[k] + 3.0f * o.c[1] * sy[k] + 9.0f * o.c[2] * sz[k] + 27.0f * o.c[3] * sw[k];
+            const bool nearer = (d[k] < distance[k]) | ((d[k] == distance[k]) & (here < rank[k]));
+            distance[k] = nearer ? d[k] : distance[k];
+            rank[k] = nearer ? here : rank[k];
+        }
+    });
+    for (int c = 0; c < 4; ++c) {
+        Column offset = best.offset.c[c], rest = best.rank;
+        TALBOT_VECTOR_LOOP
+        for (int k = 0; k < s.n; ++k) {
+            const float next = lane_floor((rest[k] + 1.5f) * (1.0f / 3.0f));
+            offset[k] = rest[k] - 3.0f * next;
+            rest[k] = next;
+        }
+    }
+    hash_cells<false>(s, Offset{{0, 0, 0, 0}, &best.offset, nullptr}, best.point);
 }
 
 /// distance, rgb, position xyzw of op.h.
-void write_winner(const Lanes& s, const Winner& w, Registers r, Columns4& scratch) {
-    std::memcpy(r[0], w.distance, size_t(s.n) * sizeof(float));
-    const Offset own{{0, 0, 0, 0}, &w.offset};
-    hash_cells<true>(s, own, scratch);
-    for (int c = 0; c < 3; ++c) std::memcpy(r[1 + c], scratch.c[c], size_t(s.n) * sizeof(float));
+void write_winner(const Lanes& s, const float* distance, const Columns4& offset, const Columns4& point, Registers r) {
+    std::memcpy(r[0], distance, size_t(s.n) * sizeof(float));
+    Columns4 color = kZeros;
+    if (s.color) hash_cells<true>(s, Offset{{0, 0, 0, 0}, &offset, nullptr}, color);
+    for (int c = 0; c < 3; ++c) std::memcpy(r[1 + c], color.c[c], size_t(s.n) * sizeof(float));
     for (int c = 0; c < 4; ++c) {
         Column o = r[4 + c];
-        ConstColumn p = w.point.c[c], cell = s.cell.c[c];
+        ConstColumn p = point.c[c], cell = s.cell.c[c];
         TALBOT_VECTOR_LOOP
         for (int k = 0; k < s.n; ++k) o[k] = p[k] + cell[k];
     }
 }
 
-void nearest(const Lanes& s, VoronoiMetric metric, const float* exponent, bool second, Registers r) {
-    Winner best, next;
-    Columns4 point{};
-    float d[kSpan];
-    best.reset(s.n);
-    next.reset(s.n);
+void nearest(const Lanes& s, const Sides& sides, VoronoiMetric metric, const float* exponent, Registers r) {
+    Winner best;
+    best.point = kZeros;
+    find_nearest(s, sides, metric, exponent, best);
+    write_winner(s, best.distance, best.offset, best.point, r);
+}
+
+void second_nearest(const Lanes& s, VoronoiMetric metric, const float* exponent, Registers r) {
+    float first[kChunk], second[kChunk], d[kChunk];
+    Columns4 point = kZeros, first_offset = kZeros, offset = kZeros;
+    fill(first, s.n, 1e30f);
+    fill(second, s.n, 1e30f);
     for_neighbours(s.dimensions, 1, [&](const Offset& o) {
         hash_cells<false>(s, o, point);
         distances(s, point, metric, exponent, d);
-        if (second) {
-            // What the winner loses falls to the second place: the larger of (new, winner) competes there.
-            float loser[kSpan];
-            Columns4 loser_offset, loser_point;
-            for (int c = 0; c < 4; ++c) {
-                const float oc = o.c[c];
-                TALBOT_VECTOR_LOOP
-                for (int k = 0; k < s.n; ++k) {
-                    const bool nearer = d[k] < best.distance[k];
-                    loser_offset.c[c][k] = nearer ? best.offset.c[c][k] : oc;
-                    loser_point.c[c][k] = nearer ? best.point.c[c][k] : point.c[c][k];
-                }
-            }
+        for (int c = 0; c < 4; ++c) {
+            const float here = o.c[c];
             TALBOT_VECTOR_LOOP
-            for (int k = 0; k < s.n; ++k) loser[k] = maxf(d[k], best.distance[k]);
-            for (int c = 0; c < 4; ++c) {
-                TALBOT_VECTOR_LOOP
-                for (int k = 0; k < s.n; ++k) {
-                    // The old winner is second whatever was: of equally far points the last to be thrown out, as in Cycles.
-                    const bool nearer = (loser[k] < next.distance[k]) | (d[k] < best.distance[k]);
-                    next.offset.c[c][k] = nearer ? loser_offset.c[c][k] : next.offset.c[c][k];
-                    next.point.c[c][k] = nearer ? loser_point.c[c][k] : next.point.c[c][k];
-                }
+            for (int k = 0; k < s.n; ++k) {
+                // What the winner loses falls to the second place. It is second whatever was: of equally far points the last to be thrown out, as in
+                // Cycles.
+                const bool wins = d[k] < first[k];
+                const float before = first_offset.c[c][k];
+                offset.c[c][k] = wins ? before : (d[k] < second[k] ? here : offset.c[c][k]);
+                first_offset.c[c][k] = wins ? here : before;
             }
-            TALBOT_VECTOR_LOOP
-            for (int k = 0; k < s.n; ++k) next.distance[k] = minf(loser[k], next.distance[k]);
         }
-        keep_nearest(s.n, o, point, d, best);
+        TALBOT_VECTOR_LOOP
+        for (int k = 0; k < s.n; ++k) {
+            second[k] = minf(maxf(d[k], first[k]), second[k]);
+            first[k] = minf(d[k], first[k]);
+        }
     });
-    write_winner(s, second ? next : best, r, point);
+    hash_cells<false>(s, Offset{{0, 0, 0, 0}, &offset, nullptr}, point);
+    write_winner(s, second, offset, point, r);
+}
+
+/// Whether a point of the cell at `o` may be near enough to be blended in, for any lane.
+bool blends(const Lanes& s, const Offset& o, VoronoiMetric metric, const float* smoothness_column, const float* sum_column) {
+    const float share = least_share(s, metric);
+    float square[kChunk], within[kChunk];
+    Column out = square, reach = within;
+    ConstColumn sum = sum_column, smoothness = smoothness_column;
+    fill(square, s.n, 0.0f);
+    for (int c = 0; c < s.dimensions; ++c) {
+        ConstColumn place = s.local.c[c];
+        const float cell = o.c[c];
+        TALBOT_VECTOR_LOOP
+        for (int k = 0; k < s.n; ++k) out[k] += share * talbot::square(maxf(maxf(cell - place[k], place[k] - cell - 1.0f), 0.0f));
+    }
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < s.n; ++k) reach[k] = maxf(sum[k] + clampf(smoothness[k] * 0.5f, 1e-6f, 0.5f), 0.0f);
+    return any_within(s.n, square, within);
+}
+
+/// The polynomial smooth minimum of sum and distance: the sum, and for other columns the share of the new cell and what is taken off.
+void blend_distance(int n, const float* smoothness_column, const float* distance, float* sum_column, float* share_column, float* less_column) {
+    ConstColumn smoothness = smoothness_column, d = distance;
+    Column sum = sum_column, share = share_column, less = less_column;
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) {
+        const float w = clampf(smoothness[k] * 0.5f, 1e-6f, 0.5f);
+        const float t = saturate(0.5f + 0.5f * (sum[k] - d[k]) / w);
+        const float h = t * t * (3.0f - 2.0f * t);
+        const float correction = w * h * (1.0f - h);
+        sum[k] = lerp(sum[k], d[k], h) - correction;
+        share[k] = h;
+        less[k] = correction / (1.0f + 3.0f * w);
+    }
+}
+void blend_column(int n, const float* share_column, const float* less_column, const float* cell, float* column) {
+    ConstColumn share = share_column, less = less_column, c = cell;
+    Column out = column;
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) out[k] = lerp(out[k], c[k], share[k]) - less[k];
 }
 
 void smooth(const Lanes& s, VoronoiMetric metric, const float* exponent, const float* smoothness, Registers r) {
-    Columns4 point{}, color{}, position{};
-    float sum[kSpan], d[kSpan], rgb[3][kSpan];
+    Columns4 point = kZeros, color = kZeros, position = kZeros, rgb = kZeros;
+    float sum[kChunk], d[kChunk], share[kChunk], less[kChunk];
     fill(sum, s.n, 8.0f);
-    for (auto& c : rgb) fill(c, s.n, 0.0f);
     for_neighbours(s.dimensions, 2, [&](const Offset& o) {
+        if (!blends(s, o, metric, smoothness, sum)) return;
         hash_cells<false>(s, o, point);
         distances(s, point, metric, exponent, d);
-        hash_cells<true>(s, o, color);
-        TALBOT_VECTOR_LOOP
-        for (int k = 0; k < s.n; ++k) {
-            const float w = clampf(smoothness[k] * 0.5f, 1e-6f, 0.5f);
-            const float t = saturate(0.5f + 0.5f * (sum[k] - d[k]) / w);
-            const float h = t * t * (3.0f - 2.0f * t);
-            const float correction = w * h * (1.0f - h), small = correction / (1.0f + 3.0f * w);
-            sum[k] = lerp(sum[k], d[k], h) - correction;
-            for (int c = 0; c < 3; ++c) rgb[c][k] = lerp(rgb[c][k], color.c[c][k], h) - small;
-            for (int c = 0; c < 4; ++c) position.c[c][k] = lerp(position.c[c][k], point.c[c][k], h) - small;
+        blend_distance(s.n, smoothness, d, sum, share, less);
+        if (s.color) {
+            hash_cells<true>(s, o, color);
+            for (int c = 0; c < 3; ++c) blend_column(s.n, share, less, color.c[c], rgb.c[c]);
         }
+        for (int c = 0; c < 4 && s.position; ++c) blend_column(s.n, share, less, point.c[c], position.c[c]);
     });
     std::memcpy(r[0], sum, size_t(s.n) * sizeof(float));
-    for (int c = 0; c < 3; ++c) std::memcpy(r[1 + c], rgb[c], size_t(s.n) * sizeof(float));
+    for (int c = 0; c < 3; ++c) std::memcpy(r[1 + c], rgb.c[c], size_t(s.n) * sizeof(float));
     for (int c = 0; c < 4; ++c)
         for (int k = 0; k < s.n; ++k) r[4 + c][k] = position.c[c][k] + s.cell.c[c][k];
 }
 
-void distance_to_edge(const Lanes& s, Registers r) {
+void distance_to_edge(const Lanes& s, const Sides& sides, Registers r) {
     Column out = r[0];
-    Columns4 point{};
     Winner best;
-    best.reset(s.n);
-    float d[kSpan];
-    for_neighbours(s.dimensions, 1, [&](const Offset& o) {
-        hash_cells<false>(s, o, point);
-        distances(s, point, VoronoiMetric::Euclidean, nullptr, d);
-        keep_nearest(s.n, o, point, d, best);
-    });
+    best.point = kZeros;
+    find_nearest(s, sides, VoronoiMetric::Euclidean, nullptr, best);
+    Columns4 point = kZeros;
+    float within[kChunk];
     fill(out, s.n, 8.0f);
     const bool line = s.dimensions == 1;
-    for_neighbours(s.dimensions, 1, [&](const Offset& o) {
+    for_sides(s.dimensions, [&](Offset o) {
+        // The bisector with a point at distance b is at least (b - nearest) / 2 away.
+        for (int k = 0; k < s.n; ++k) within[k] = best.distance[k] + 2.0f * maxf(out[k], 0.0f);
+        if (!line && !reaches(s, sides, o, VoronoiMetric::Euclidean, within)) return;
+        o.sign = &sides.sign;
         hash_cells<false>(s, o, point);
         TALBOT_VECTOR_LOOP
         for (int k = 0; k < s.n; ++k) {
@@ -288,16 +412,12 @@ void distance_to_edge(const Lanes& s, Registers r) {
     for (int c = 1; c < 8; ++c) fill(r[c], s.n, 0.0f);
 }
 
-void sphere_radius(const Lanes& s, Registers r) {
-    Columns4 point{};
+void sphere_radius(const Lanes& s, const Sides& sides, Registers r) {
     Winner best;
-    best.reset(s.n);
-    float d[kSpan], near[kSpan];
-    for_neighbours(s.dimensions, 1, [&](const Offset& o) {
-        hash_cells<false>(s, o, point);
-        distances(s, point, VoronoiMetric::Euclidean, nullptr, d);
-        keep_nearest(s.n, o, point, d, best);
-    });
+    best.point = kZeros;
+    find_nearest(s, sides, VoronoiMetric::Euclidean, nullptr, best);
+    Columns4 point = kZeros;
+    float near[kChunk];
     fill(near, s.n, 1e30f);
     for_neighbours(s.dimensions, 1, [&](Offset o) {
         if (o.c[0] == 0 && o.c[1] == 0 && o.c[2] == 0 && o.c[3] == 0) return;
@@ -314,13 +434,13 @@ void sphere_radius(const Lanes& s, Registers r) {
     for (int c = 1; c < 8; ++c) fill(r[c], s.n, 0.0f);
 }
 
-}  // namespace
-
-void op_voronoi(const Instruction& i, Registers r, int n) {
+void voronoi_chunk(const Instruction& i, Registers r, int n) {
     Lanes s;
     s.n = n;
     s.dimensions = (i.variant & 3) + 1;
     s.integer_hash = i.data & 1;
+    s.color = (i.data & 2) == 0;
+    s.position = (i.data & 4) == 0;
     s.randomness = r[14];
     for (int c = 0; c < 4; ++c) {
         // The line uses its fourth coordinate.
@@ -332,18 +452,29 @@ void op_voronoi(const Instruction& i, Registers r, int n) {
             s.local.c[c][k] = x - cell;
         }
     }
+    const Sides sides(s);
     const VoronoiMetric metric = VoronoiMetric((i.variant >> 5) & 3);
     switch (VoronoiFeature((i.variant >> 2) & 7)) {
         case VoronoiFeature::F1:
-            return nearest(s, metric, r[13], false, r);
+            return nearest(s, sides, metric, r[13], r);
         case VoronoiFeature::F2:
-            return nearest(s, metric, r[13], true, r);
+            return second_nearest(s, metric, r[13], r);
         case VoronoiFeature::SmoothF1:
             return smooth(s, metric, r[13], r[12], r);
         case VoronoiFeature::DistanceToEdge:
-            return distance_to_edge(s, r);
+            return distance_to_edge(s, sides, r);
         case VoronoiFeature::NSphereRadius:
-            return sphere_radius(s, r);
+            return sphere_radius(s, sides, r);
+    }
+}
+
+}  // namespace
+
+void op_voronoi(const Instruction& i, Registers r, int n) {
+    for (int first = 0; first < n; first += kChunk) {
+        float* chunk[15];
+        for (int c = 0; c < 15; ++c) chunk[c] = r[c] + first;
+        voronoi_chunk(i, chunk, std::min(kChunk, n - first));
     }
 }
 
