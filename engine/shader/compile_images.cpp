@@ -54,7 +54,7 @@ void compile_image(NodeContext& n) {
         p = n.vector("Vector");
     } else {
         const auto map = n.attribute(scene::kActiveUv);
-        const Value on_lamp = e.input(InputColumn::IsLamp), u = n.barycentric_u(), v = n.barycentric_v();
+        const Value on_lamp = n.semantics.lamps_have_uv ? e.input(InputColumn::IsLamp) : e.literal(0), u = n.barycentric_u(), v = n.barycentric_v();
         p = {e.select(on_lamp, e.sub(e.sub(e.literal(1), u), v), map[0]), e.select(on_lamp, u, map[1]), e.literal(0)};
     }
     p = n.texture_mapping(p);

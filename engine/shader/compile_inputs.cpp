@@ -33,6 +33,7 @@ void compile_scene_time(NodeContext& n) {
 Value3 uv_coordinates(NodeContext& n, const std::string& name) {
     Expressions& e = n.e;
     const auto map = n.attribute(name);
+    if (!n.semantics.lamps_have_uv) return {map[0], map[1], e.literal(0)};
     const Value u = n.barycentric_u(), v = n.barycentric_v();
     const Value on_lamp = e.input(I::IsLamp);
     return {e.select(on_lamp, e.sub(e.sub(e.literal(1), u), v), map[0]), e.select(on_lamp, u, map[1]), e.literal(0)};
@@ -58,8 +59,9 @@ void compile_texture_coordinate(NodeContext& n) {
         const Value window = e.emit(Op::Window, n.semantics.fisheye_window_mirrored ? 1 : 0, {p.x, p.y, p.z}, 2);
         n.set_vector("Window", {window, e.after(window, 1), e.literal(0)});
     }
-    // Mirror direction of the viewer; in the background there is no surface to mirror.
-    const Value3 mirrored = e.sub(e.mul(normal, e.mul(e.dot(normal, wo), 2.0f)), wo);
+    // Mirror direction of the viewer; in the background there is no surface to mirror, and lamps became objects late.
+    Value3 mirrored = e.sub(e.mul(normal, e.mul(e.dot(normal, wo), 2.0f)), wo);
+    if (!n.semantics.lamps_have_space) mirrored = e.select(e.input(I::IsLamp), wo, mirrored);
     n.set_vector("Reflection", e.select(e.input(I::IsBackground), wo, mirrored));
 }
 

@@ -223,7 +223,8 @@ std::array<Value, 5> NodeContext::attribute(const std::string& name, AttributeSo
 }
 
 Value3 NodeContext::to_object(Value3 v, TransformKind kind) {
-    return e.emit3(Op::ObjectTransform, uint8_t(kind), {v.x, v.y, v.z});
+    const bool of_lamps = semantics.lamps_have_space || kind == TransformKind::NormalToObject || kind == TransformKind::NormalToWorld;
+    return e.emit3(Op::ObjectTransform, uint8_t(kind) | (of_lamps ? 0 : kNotOfLamps), {v.x, v.y, v.z});
 }
 
 Value3 NodeContext::affine(const std::vector<float>& matrix, Value3 v, int variant) {

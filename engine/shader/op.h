@@ -20,7 +20,7 @@ enum class Op : uint16_t {
 
     // What the shading point is. Not foldable.
     Input,              ///< -> x. variant: InputColumn
-    ObjectTransform,    ///< vector -> vector by the lane's object or lamp (background: unchanged). variant: TransformKind
+    ObjectTransform,    ///< vector -> vector by the lane's object or lamp (background: unchanged). variant: TransformKind, | kNotOfLamps
     CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
     Window,             ///< world position -> x, y of the film in 0..1. variant: 1 fisheyes (equidistant, equisolid) are mirrored
@@ -188,6 +188,7 @@ enum class InputColumn : uint8_t {
 };
 
 enum class TransformKind : uint8_t { PointToObject, VectorToObject, NormalToObject, PointToWorld, VectorToWorld, NormalToWorld };
+inline constexpr uint8_t kNotOfLamps = 8;  ///< lamps have no space of their own
 enum class AttributeSource : uint8_t { Geometry, Object };
 enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth, IsCurve, IsPoint };
 

@@ -26,7 +26,9 @@ struct Semantics {
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (up to 4.2)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
-    bool default_is_principled = true;     ///< what has no material looks like a new material, as if painted before 5.0
+    bool lamps_have_space = true;       ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
+    bool lamps_have_uv = true;          ///< UV maps on lamps are their own coordinates (not in 3.4)
+    bool default_is_principled = true;  ///< what has no material looks like a new material, as if painted before 5.0
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
@@ -49,6 +51,8 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.blackbody = version > 500 ? Rec709::Exact : Rec709::Rounded;
     s.hue_truncates = version < 405;
     s.fisheye_window_mirrored = version < 405;
+    s.lamps_have_space = version >= 405;
+    s.lamps_have_uv = version >= 402;
     s.default_is_principled = version >= 500;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;

@@ -149,6 +149,29 @@ def test_newer_units(pair_scene: Any, tmp_path: Path) -> None:
     agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
 
 
+@pytest.mark.parametrize("output", ["UV", "Generated", "Object", "Reflection", "Parametric"])
+def test_pictures_on_lamps(pair_scene: Any, tmp_path: Path, output: str) -> None:
+    """What the shader of a lamp reads where light leaves it, seen by matt ground and a mirror."""
+    if output == "Parametric" and bpy.app.version < (4, 0, 0):
+        pytest.skip("round lamps had other ones")
+    lamps = [
+        lamp("AREA", 5, shape="RECTANGLE", size=0.5, size_y=0.3, lean=(0.3, 0.0, 0.4)),
+        lamp("AREA", 5, shape="DISK", size=0.5),
+        lamp("POINT", 10, shadow_soft_size=0.15),
+        lamp("SPOT", 20, shadow_soft_size=0.1, spot_size=2.0, lean=(0.0, 0.3, 0.2)),
+    ]
+    rooms(pair_scene, lamps)
+    for light in bpy.data.lights:
+        tree = node_tree(light)
+        source = tree("NewGeometry" if output == "Parametric" else "TexCoord").outputs[output]
+        half = (0.5, 0.5, 0.5)
+        color = tree("VectorMath", operation="MULTIPLY_ADD", in0=source, in1=half, in2=half)
+        tree("OutputLight", Surface=tree("Emission", Color=color.outputs[0], Strength=1.5))
+    add_plane(material(lambda tree: tree("BsdfGlossy", Roughness=0.2)), 2.0, location=(0.0, 1.0, 0.01))
+    pair_scene.cycles.max_bounces = 1
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.08))
+
+
 def test_lamp_nodes(pair_scene: Any, tmp_path: Path) -> None:
     """Light Output with colours that depend on the direction."""
     lamps = [

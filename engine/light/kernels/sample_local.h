@@ -37,17 +37,22 @@ void sample_rects(const EmitterView& table, const shader::Programs& programs, co
 void sample_meshes(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
                    const LocalGroup& in, LocalSampled& out);
 
+/// Where a picture's (x, y) lie as shaders get it: they read 1 - u - v and u, as on triangles.
+TALBOT_INLINE void picture_coordinates(float x, float y, float& u, float& v) {
+    u = y;
+    v = 1.0f - x - y;
+}
 /// Texture coordinates of point and spot lamps by direction; of area lamps, 0..1 over the rectangle.
 TALBOT_INLINE void lamp_coordinates(const Lamp& lamp, Vec3 away, float& u, float& v) {
     const Vec3 d = normalize(Vec3{dot(lamp.cone.x, away), dot(lamp.cone.y, away), dot(lamp.cone.z, away)});
     const float inv_z = 1.0f / maxf(-d.z, 1e-6f);
     const bool spot = lamp.is_spot != 0.0f;
-    u = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.x * inv_z : 0.5f - lane_atan2(d.x, d.y) * (0.5f * kInvPi);
-    v = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.y * inv_z : 1.0f - lane_acos(d.z) * kInvPi;
+    const float x = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.x * inv_z : 0.5f - lane_atan2(d.x, d.y) * (0.5f * kInvPi);
+    const float y = spot ? 0.5f + 0.5f * lamp.inv_tan_outer * d.y * inv_z : 1.0f - lane_acos(d.z) * kInvPi;
+    picture_coordinates(x, y, u, v);
 }
 TALBOT_INLINE void rect_coordinates(const Rect& rect, float a, float b, float& u, float& v) {
-    u = 0.5f + 0.5f * a / maxf(rect.half_x, 1e-30f);
-    v = 0.5f + 0.5f * b / maxf(rect.half_y, 1e-30f);
+    picture_coordinates(0.5f + 0.5f * a / maxf(rect.half_x, 1e-30f), 0.5f + 0.5f * b / maxf(rect.half_y, 1e-30f), u, v);
 }
 
 }  // namespace TALBOT_ISA

@@ -210,7 +210,8 @@ void op_input(const Instruction& i, Registers r, int n, const OpScope& s) {
 }
 
 void op_object_transform(const Instruction& i, Registers r, int n, const OpScope& s) {
-    const TransformKind kind = TransformKind(i.variant);
+    const TransformKind kind = TransformKind(i.variant & (kNotOfLamps - 1));
+    const bool of_lamps = !(i.variant & kNotOfLamps);
     for (int k = 0; k < s.span.n; ++k) {
         Vec3 v{r[3][k], r[4][k], r[5][k]};
         const int32_t object = object_of(s, k);
@@ -218,7 +219,7 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
             const scene::ObjectView& view = s.context.scene->objects[object];
             const scene::Placement placed = scene::placement_at(view, s.span.time ? s.span.time[k] : 0.5f);
             v = transform(placed.to_world, placed.to_object, kind, v);
-        } else if (s.span.is_lamp && s.span.lamp_to_world) {
+        } else if (of_lamps && s.span.is_lamp && s.span.lamp_to_world) {
             v = transform(*s.span.lamp_to_world, *s.span.lamp_to_object, kind, v);
         }
         r[0][k] = v.x;
