@@ -140,7 +140,7 @@ class LayerRender:
         for number, view in enumerate(self.views):
             if view or self.engine.camera_override:
                 self.engine.active_view_set(view)
-                synced.sync.set_render_camera(self.engine, self.depsgraph)
+                synced.sync.set_render_camera(self.engine, self.depsgraph, number)
             if not self._render_view(session, view, number):
                 break
         self._finish(session, sync_seconds, stages)
@@ -156,10 +156,11 @@ class LayerRender:
         synced = synced or open_session()
         context = synced.sync.context
         context.interrupted = engine.test_break
+        eyes = self._eyes if any(self.views) else None
         try:
             if kept:
                 outcome = synced.sync.next_frame(
-                    self.depsgraph, scene, layer, width=width, height=height, set_frame=self._set_frame
+                    self.depsgraph, scene, layer, width=width, height=height, set_frame=self._set_frame, eyes=eyes
                 )
             else:
                 outcome = synced.sync.full(
@@ -170,6 +171,7 @@ class LayerRender:
                     height=height,
                     viewport=False,
                     set_frame=self._set_frame,
+                    eyes=eyes,
                 )
         except Interrupted:
             self.state.close()
@@ -188,6 +190,15 @@ class LayerRender:
 
     def _set_frame(self, frame: int, subframe: float) -> None:
         self.engine.frame_set(frame, subframe=subframe)
+
+    def _eyes(self, camera: Any) -> list[tuple[Any, float]]:
+        """The evaluated camera in every view, at the moment to which the scene is set."""
+        out = []
+        for view in self.views:
+            self.engine.active_view_set(view)
+            shift = self.engine.camera_shift_x(camera) if camera.type == "CAMERA" else 0.0
+            out.append((self.engine.camera_model_matrix(camera), shift))
+        return out
 
     def _render_view(self, session: Any, view: str, number: int) -> bool:
         """Renders one view to its end. False when the user cancelled; what there is has been written."""

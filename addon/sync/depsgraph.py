@@ -19,7 +19,7 @@ from .culling import Culling, culling_of
 from .geometry import read_record
 from .images import ImageSync
 from .materials import ShaderSync
-from .motion import MotionPass, Shutter, shutter_of
+from .motion import Eyes, MotionPass, Shutter, shutter_of
 from .objects import Gathered, ObjectPass, Record, object_arrays
 from .subdivision import Dicing, DicingView, chosen_view
 from .unsupported import warn_scene
@@ -63,6 +63,8 @@ class SceneSync:
         self._gathered: tuple[Gathered, list[int]] = (Gathered(), [])
         self._dicing = DicingView()
         self._moves = False
+        self._eyes: Eyes | None = None
+        self._motions: list[dict[str, Any]] = []
 
     # -- whole scenes
 
@@ -77,10 +79,12 @@ class SceneSync:
         viewport: bool,
         preview: bool = False,
         set_frame: SetFrame | None = None,
+        eyes: Eyes | None = None,
     ) -> SyncResult:
         """Sends everything; what the session held before is removed. `set_frame` takes the depsgraph to another frame,
-        for motion blur."""
+        for motion blur; `eyes` are the cameras of a stereo pair."""
         context = self.context
+        self._eyes = eyes
         context.viewport = viewport
         context.warnings.clear()
         context.timings.clear()
@@ -107,10 +111,12 @@ class SceneSync:
         width: int,
         height: int,
         set_frame: SetFrame | None = None,
+        eyes: Eyes | None = None,
     ) -> SyncResult:
         """Another final frame of the same depsgraph (persistent data): of what the session holds, meshes whose geometry
         did not change stay; shaders, objects, lamps, world and camera are read again and sent where they differ."""
         context = self.context
+        self._eyes = eyes
         context.warnings.clear()
         context.timings.clear()
         changes = read_changes(depsgraph)
@@ -134,6 +140,7 @@ class SceneSync:
         set_frame: SetFrame | None,
     ) -> None:
         """Scene and camera of a final frame, with what moves while the shutter is open."""
+        self._motions = []
         shutter = shutter_of(scene, view_layer) if set_frame is not None else None
         if shutter is None or set_frame is None:
             if self._moves:
@@ -158,13 +165,13 @@ class SceneSync:
         self._sync_scene(depsgraph, scene, depsgraph.view_layer_eval, changes)
         self._send_frame_camera(depsgraph, scene, size)
         with self.context.timed("motion"):
-            motion = MotionPass(self.context, shutter)
+            motion = MotionPass(self.context, shutter, self._eyes)
             motion.begin(depsgraph, *self._gathered, scene, size)
             for moment in motion.moments():
                 self.context.check()
                 set_frame(*shutter.frame(moment))
                 motion.sample(depsgraph, depsgraph.scene_eval, moment, size)
-            motion.send(depsgraph.scene_eval)
+            self._motions = motion.send(depsgraph.scene_eval)
         self._moves = True
 
     def _send_frame_camera(self, depsgraph: Any, scene: Any, size: tuple[int, int]) -> None:
@@ -348,8 +355,10 @@ class SceneSync:
 
     # -- cameras
 
-    def set_render_camera(self, engine: Any, depsgraph: Any) -> bool:
-        """The camera of the view that is active (one eye of a stereo pair). True when it changed."""
+    def set_render_camera(self, engine: Any, depsgraph: Any, eye: int = 0) -> bool:
+        """The camera of the view that is active (one eye of a stereo pair), and how it moves. True when it changed."""
+        if len(self._motions) > 1:
+            self.session.set_motion(self._motions[eye])
         scene = depsgraph.scene_eval
         camera = engine.camera_override or scene.camera
         if camera is None:

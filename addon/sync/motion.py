@@ -23,6 +23,8 @@ from .subdivision import cage_of
 
 F32 = NDArray[np.float32]
 InstanceKey = tuple[int, int, tuple[int, ...]]
+Eyes = Callable[[Any], list[tuple[Matrix, float]]]
+"""Where an evaluated camera is now, and its horizontal shift, in each view of a stereo pair."""
 
 MAX_MOMENTS = 129
 MAX_TURN = math.radians(4.0)
@@ -72,15 +74,16 @@ class Deforming:
 class MotionPass:
     """Collects one frame's motion. `begin` sees the scene in the middle of the shutter."""
 
-    def __init__(self, context: SyncContext, shutter: Shutter) -> None:
+    def __init__(self, context: SyncContext, shutter: Shutter, eyes: Eyes | None = None) -> None:
         self.context = context
         self.shutter = shutter
+        self._eyes = eyes
         self._keys: list[InstanceKey] = []
         self._levels: NDArray[np.int64] = np.zeros(0, np.int64)
         self._matrices: dict[float, F32] = {}
         self._deforming: dict[int, Deforming] = {}
         self._camera_level = 0
-        self._cameras: dict[float, tuple[Matrix, tuple[float, ...]]] = {}
+        self._cameras: dict[float, list[tuple[Matrix, tuple[float, ...]]]] = {}
 
     def begin(self, depsgraph: Any, gathered: Gathered, handles: list[int], scene: Any, size: tuple[int, int]) -> None:
         """What may move, and where it is in the middle."""
@@ -106,10 +109,7 @@ class MotionPass:
                 self._deforming[handle] = Deforming(handle, reader, level, [key])
         camera = scene.camera
         if camera is not None:
-            if scene.render.use_multiview:
-                self.context.warn("Motion blur: the camera of a stereo pair is not blurred")
-            else:
-                self._camera_level = _object_level(camera.evaluated_get(depsgraph), "use_motion_blur")
+            self._camera_level = _object_level(camera.evaluated_get(depsgraph), "use_motion_blur")
         self.sample(depsgraph, scene, 0.5, size, keys)
 
     def moments(self) -> list[float]:
@@ -139,8 +139,11 @@ class MotionPass:
             self._matrices[moment][there] = matrices[found[there]]
         if self._camera_level and _has_moment(self._camera_level, moment):
             camera = scene.camera.evaluated_get(depsgraph)
-            values = camera_values(self.context, camera, scene.render, *size, camera.matrix_world)
-            self._cameras[moment] = (unscaled(camera.matrix_world), tuple(values["view"]))
+            placed = self._eyes(camera) if self._eyes is not None else [(camera.matrix_world, None)]
+            self._cameras[moment] = []
+            for matrix, shift in placed:
+                values = camera_values(self.context, camera, scene.render, *size, matrix, shift)
+                self._cameras[moment].append((unscaled(matrix), tuple(values["view"])))
 
     def _instance_keys(
         self, depsgraph: Any, wanted: dict[InstanceKey, list[Deforming]] | None = None, moment: float = 0.5
@@ -180,13 +183,16 @@ class MotionPass:
         self.context.session.set_mesh_motion(handle, {"positions": np.ascontiguousarray(positions, dtype=np.float32)})
         return True
 
-    def send(self, scene: Any) -> None:
-        """Everything that moved."""
+    def send(self, scene: Any) -> list[dict[str, Any]]:
+        """Everything that moved, with the first eye's camera; returns what `Session.set_motion` gets for each eye."""
         values: dict[str, Any] = {"shutter": _shutter_table(scene)}
-        values |= self._object_values() | self._camera_values() | _rolling(scene)
+        values |= self._object_values() | _rolling(scene)
         for deforming in self._deforming.values():
             self._send_shapes(deforming)
-        self.context.session.set_motion(values)
+        eyes = len(next(iter(self._cameras.values()), [None]))
+        out = [values | self._camera_values(eye) for eye in range(eyes)]
+        self.context.session.set_motion(out[0])
+        return out
 
     def _object_values(self) -> dict[str, Any]:
         which = np.full(len(self._keys), -1, dtype=np.int32)
@@ -210,10 +216,10 @@ class MotionPass:
                 maps.append(rows)
         return {"objects": maps, "object_motion": which} if maps else {}
 
-    def _camera_values(self) -> dict[str, Any]:
+    def _camera_values(self, eye: int) -> dict[str, Any]:
         if not self._camera_level:
             return {}
-        ordered = [self._cameras[i / 2**self._camera_level] for i in range(2**self._camera_level + 1)]
+        ordered = [self._cameras[i / 2**self._camera_level][eye] for i in range(2**self._camera_level + 1)]
         views = np.array([view for _, view in ordered], dtype=np.float32)
         turned = any(matrix != ordered[0][0] for matrix, _ in ordered)
         zoomed = bool(np.ptp(views, axis=0).any())

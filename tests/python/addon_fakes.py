@@ -144,7 +144,7 @@ class FakeSync:
     def update(self, depsgraph: Any) -> bool:
         return True
 
-    def set_render_camera(self, engine: Any, depsgraph: Any) -> None:
+    def set_render_camera(self, engine: Any, depsgraph: Any, eye: int = 0) -> None:
         return
 
     def viewport_rectangle(self) -> tuple[float, float, float, float]:

@@ -165,6 +165,27 @@ def test_motion(pair_scene: Any, tmp_path: Path, move: Callable[[Any, Any], None
     agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
 
 
+@pytest.mark.parametrize("convergence", ["OFFAXIS", "TOE"])
+def test_both_eyes_move(pair_scene: Any, tmp_path: Path, convergence: str) -> None:
+    """A stereo pair flies and turns, and so do its eyes, which look at one point."""
+    stage(pair_scene)
+    render = pair_scene.render
+    render.use_multiview, settings = True, render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, settings.views_format = "OPEN_EXR_MULTILAYER", "MULTIVIEW"
+    stereo = pair_scene.camera.data.stereo
+    stereo.convergence_mode, stereo.interocular_distance, stereo.convergence_distance = convergence, 0.6, 3.0
+    camera, place = pair_scene.camera, pair_scene.camera.location.copy()
+    camera.rotation_euler = camera.matrix_world.to_euler()
+    turn = Vector(camera.rotation_euler)
+    animate(camera, "location", (4, place + Vector((-0.4, 0, 0))), (6, place + Vector((0.3, 0.2, 0))))
+    animate(camera, "rotation_euler", (4, turn), (6, turn + Vector((0, 0, 0.2))))
+    pair_scene.frame_set(FRAME)
+    views = ("Combined.left", "Combined.right")
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004), passes=views)
+
+
 def test_emissive_box_flies_and_turns(pair_scene: Any, tmp_path: Path) -> None:
     """Its light samples follow it."""
     box = stage(pair_scene)
