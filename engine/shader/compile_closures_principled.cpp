@@ -52,7 +52,8 @@ struct Layers : ClosureMaker {
         const Value3 bent = glossy_normal(coat), wo = n.incoming();
         const auto width = isotropic(n.value("Coat Roughness", 0.03f), bent);
         const Value index = e.max(n.value("Coat IOR", 1.5f), 1.0f);
-        const Value layer = op(ClosureOp::Coat, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, width.ax, index}, 2);
+        const Value layer =
+            op(ClosureOp::Coat, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, width.ax, index, e.literal(n.semantics.coat_as_mirror ? 1.0f : 0.0f)}, 2);
         reflection(e.mul(weight, amount), bent, width, FresnelKind::Dielectric, {index});
         weight = below(weight, e.spread(e.mul(layer, amount)));
         const Value3 tint = color("Coat Tint");

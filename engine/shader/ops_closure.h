@@ -18,7 +18,7 @@ enum class ClosureOp : uint8_t {
     F82,                 ///< F0 rgb, tint rgb -> B rgb, mean reflectance rgb
     ConductorMean,       ///< n rgb, k rgb -> mean reflectance rgb
     Specular,            ///< n, wo, alpha_x, alpha_y, ior, level, tint rgb -> index of the curve, F0 rgb, albedo rgb, mean reflectance
-    Coat,                ///< n, wo, alpha, ior -> albedo, path length through the coat
+    Coat,                ///< n, wo, alpha, ior, whether as smooth -> albedo, path length through the coat
     ThinPane,            ///< n, wo, alpha, ior, colour of one passage rgb, tint of reflections rgb -> reflected rgb, transmitted rgb, alpha of transmission
     SheenAlbedo,         ///< n, wo, roughness -> albedo
     FresnelAt,           ///< n, wo, ior -> dielectric reflectance for the whole surface

@@ -18,6 +18,7 @@ struct Semantics {
     bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
     float film_fade = 1;                   ///< nm: thinner films fade out
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
+    bool coat_as_mirror = false;           ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is (before 4.5)
     bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
     bool hair_section_faces_up = true;     ///< elliptic hair without normals of its own has its long axis towards the world's z (5.2; anywhere in 5.0)
     Rec709 rec709 = Rec709::Exact;
@@ -43,6 +44,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.brick_clamps = version >= 402;
     s.film_fade = version < 500 ? 30.0f : 1.0f;
     s.metal_has_film = version >= 500;
+    s.coat_as_mirror = version < 405;
     s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;

@@ -182,9 +182,10 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
                 out[7] = mean_dielectric(eta);
             });
         case ClosureOp::Coat:
-            return lanes<2, 8>(r, n, [](const float* in, float* out) {
-                const float cosine = view_cosine(in), eta = clampf(in[7], 1.0f, 1e3f);
-                out[0] = lerp(f0_from_eta(eta), 1.0f, mean_fresnel_position(rough_of(in[6], in[6]), cosine, eta));
+            return lanes<2, 9>(r, n, [](const float* in, float* out) {
+                const float cosine = view_cosine(in), eta = clampf(in[7], 1.0f, 1e3f), rough = rough_of(in[6], in[6]);
+                const float mean = lerp(f0_from_eta(eta), 1.0f, mean_fresnel_position(rough, cosine, eta)) * ggx_albedo(rough, cosine);
+                out[0] = in[8] != 0.0f ? fresnel_dielectric(cosine, eta) : mean;
                 out[1] = 1.0f / std::sqrt(maxf(1.0f - (1.0f - cosine * cosine) / (eta * eta), 1e-4f));
             });
         case ClosureOp::ThinPane:
