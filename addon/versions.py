@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-MEASURED_VERSIONS = (304, 402, 405, 500, 502)
+MEASURED_VERSIONS = (304, 402, 403, 405, 500, 502)
 """Versions whose nodes and lights were measured; the engine knows these numbers."""
 
 

@@ -1,7 +1,8 @@
 /// Directional albedos of GGX lobes, for energy compensation and for layering. Made by make_albedo_tables.py (deterministic
 /// integration of single scattering, height-correlated shadowing) and compiled in, because making them takes seconds and every Principled BSDF needs them.
 ///
-/// Axes: roughness r = sqrt(alpha) over 0..1; t = sqrt(cosine) over 0..1; x = sqrt(|n - 1| / (n + 1)) over 0..1 for the index. Cosine fastest.
+/// Axes: roughness r = sqrt(alpha), cosine c, x = sqrt(|n - 1| / (n + 1)) for the index, all over 0..1: the
+/// nodes that Cycles' tables have, so that what lies between them is off in the same way. Cosine fastest.
 #pragma once
 
 #include "base/vec.h"
@@ -10,10 +11,10 @@ namespace talbot {
 
 inline constexpr int kAlbedoFine = 32, kAlbedoCoarse = 16;
 
-extern const float kGgxAlbedo[kAlbedoFine * kAlbedoFine];                            ///< [r][t]: reflection with F = 1
+extern const float kGgxAlbedo[kAlbedoFine * kAlbedoFine];                            ///< [r][c]: reflection with F = 1
 extern const float kGgxAverage[kAlbedoFine];                                         ///< [r]: 2 integral E mu dmu
-extern const float kFresnelPosition[kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [x][r][t]: mean of (F - F0) / (1 - F0) over the lobe
-extern const float kGlassAlbedo[2 * kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [inside][x][r][t]: reflection and refraction together
+extern const float kFresnelPosition[kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [x][r][c]: mean_fresnel_position()
+extern const float kGlassAlbedo[2 * kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse];  ///< [inside][x][r][c]: reflection and refraction together
 extern const float kGlassAverage[2 * kAlbedoCoarse * kAlbedoCoarse];                 ///< [inside][x][r]
 
 struct TableCell {
@@ -40,7 +41,7 @@ TALBOT_INLINE float table_3d(const float* table, int32_t first, TableCell x, Tab
 
 /// Albedo of GGX reflection without Fresnel, and its cosine-weighted average.
 TALBOT_INLINE float ggx_albedo(float rough, float cosine) {
-    return table_2d(kGgxAlbedo, 0, table_cell(rough, kAlbedoFine), table_cell(safe_sqrt(cosine), kAlbedoFine), kAlbedoFine);
+    return table_2d(kGgxAlbedo, 0, table_cell(rough, kAlbedoFine), table_cell(cosine, kAlbedoFine), kAlbedoFine);
 }
 TALBOT_INLINE float ggx_average(float rough) {
     const TableCell c = table_cell(rough, kAlbedoFine);
@@ -50,20 +51,18 @@ TALBOT_INLINE float ggx_average(float rough) {
 TALBOT_INLINE float index_coordinate(float eta) {
     return safe_sqrt(std::fabs(eta - 1.0f) / (eta + 1.0f));
 }
-/// Mean position on the dielectric Fresnel curve over the lobe: the albedo is lerp(F0, 1, position), as if no light were lost
-/// between the facets. Indices below 1 count as their reciprocals.
+/// Mean over the visible facets of (F - F0) / (1 - F0), the position on the dielectric Fresnel curve, counted as 0 where the facet
+/// reflects below the horizon: what is reflected at all has the colour lerp(F0, 1, position). Indices below 1 count as their reciprocals.
 TALBOT_INLINE float mean_fresnel_position(float rough, float cosine, float eta) {
-    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
-                    t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
-    return table_3d(kFresnelPosition, 0, x, r, t);
+    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse), c = table_cell(cosine, kAlbedoCoarse);
+    return table_3d(kFresnelPosition, 0, x, r, c);
 }
 
 /// Albedo of rough glass seen from the side of index 1 to eta, and its average.
 TALBOT_INLINE float glass_albedo(float rough, float cosine, float eta) {
-    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse),
-                    t = table_cell(safe_sqrt(cosine), kAlbedoCoarse);
+    const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse), c = table_cell(cosine, kAlbedoCoarse);
     const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse : 0;
-    return table_3d(kGlassAlbedo, side, x, r, t);
+    return table_3d(kGlassAlbedo, side, x, r, c);
 }
 TALBOT_INLINE float glass_average(float rough, float eta) {
     const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse : 0;

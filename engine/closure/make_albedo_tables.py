@@ -65,7 +65,7 @@ def directional(rough: float, mu: float, etas: list[float]) -> tuple[float, list
         cos_t = np.sqrt(np.maximum(0.0, 1.0 - (1.0 - co * co) / (eta * eta)))
         wt_z = h[:, 2] * (co / eta - cos_t) - wo[2] / eta
         refract = np.where(wt_z < 0.0, (1.0 + lo) / (1.0 + lo + smith(alpha, wt_z)), 0.0)
-        positions.append(float(np.mean(reflect * position) / max(np.mean(reflect), 1e-9)))
+        positions.append(float(np.mean((wr_z > 0.0) * position)))
         glasses.append(float(np.mean(reflect * f + refract * (1.0 - f))))
     return float(np.mean(reflect)), positions, glasses
 
@@ -77,11 +77,11 @@ def eta_of(x: float) -> float:
 
 
 def average(albedo: np.ndarray) -> np.ndarray:
-    """2 integral E(mu) mu dmu over the last axis, nodes mu = t^2, E linear in t."""
-    t = np.linspace(0.0, 1.0, albedo.shape[-1])
+    """2 integral E(mu) mu dmu over the last axis, E linear between nodes."""
+    mu = np.linspace(0.0, 1.0, albedo.shape[-1])
     fine = (np.arange(4096) + 0.5) / 4096
-    values = np.apply_along_axis(lambda e: np.interp(fine, t, e), -1, albedo)
-    return np.mean(values * 4.0 * fine**3, -1)
+    values = np.apply_along_axis(lambda e: np.interp(fine, mu, e), -1, albedo)
+    return np.mean(values * 2.0 * fine, -1)
 
 
 def write(name: str, values: np.ndarray) -> None:
@@ -94,15 +94,15 @@ def write(name: str, values: np.ndarray) -> None:
 
 def main() -> None:
     reflection = np.array(
-        [[directional(r, t * t, [])[0] for t in np.linspace(0, 1, FINE)] for r in np.linspace(0, 1, FINE)]
+        [[directional(r, mu, [])[0] for mu in np.linspace(0, 1, FINE)] for r in np.linspace(0, 1, FINE)]
     )
     axis = np.linspace(0, 1, COARSE)
     etas = [eta_of(x) for x in axis]
     shape = (COARSE, COARSE, COARSE)
     position, outside, inside = np.empty(shape), np.empty(shape), np.empty(shape)
     for i, r in enumerate(axis):
-        for j, t in enumerate(axis):
-            _, p, g = directional(r, t * t, etas + [1.0 / e for e in etas])
+        for j, mu in enumerate(axis):
+            _, p, g = directional(r, mu, etas + [1.0 / e for e in etas])
             position[:, i, j], outside[:, i, j], inside[:, i, j] = p[:COARSE], g[:COARSE], g[COARSE:]
     print("// Made by make_albedo_tables.py: change that, not this.\n// clang-format off")
     print('#include "closure/albedo.h"\n\nnamespace talbot {\n')

@@ -137,7 +137,7 @@ struct Object {
     float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
 };
 
-/// Versions whose answers differ are numbers like Blender's: 304, 402, 405, 500, 502.
+/// Versions whose answers differ are numbers like Blender's: 304, 402, 403, 405, 500, 502.
 using BlenderVersion = int;
 
 /// What a material's displacement does: bend normals, move the vertices, or move them and bend normals by what is finer than the mesh.

@@ -25,7 +25,7 @@ struct Semantics {
     Rec709 blackbody = Rec709::Exact;      ///< the fit of black bodies was made for rounded numbers; 5.2 converts it
     bool magic_wraps_scaled = true;        ///< Magic Texture takes coordinates modulo 2 pi after scaling them (from 5.1 or 5.2; tested in 5.0 and 5.2)
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
-    bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (up to 4.2)
+    bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (before 4.3)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
     bool lamps_have_space = true;       ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
     bool lamps_have_uv = true;          ///< UV maps on lamps are their own coordinates (not in 3.4)
@@ -52,7 +52,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.magic_wraps_scaled = version > 500;
     s.blackbody = version > 500 ? Rec709::Exact : Rec709::Rounded;
     s.hue_truncates = version < 405;
-    s.fisheye_window_mirrored = version < 405;
+    s.fisheye_window_mirrored = version < 403;
     s.lamps_have_space = version >= 405;
     s.lamps_have_uv = version >= 402;
     s.default_is_principled = version >= 500;

@@ -217,10 +217,7 @@ else:
 def test_principled(pair_scene: Any, tmp_path: Path, light: str, corner: str) -> None:
     if (corner, light) == ("transmission", "sun") or (OLD and (corner, light) == ("coat", "sky")):
         pytest.skip("nothing to see, or Cycles does something of its own here")
-    # From 4.5 on, how much a coat leaves to what is below comes from tables of its albedo, Cycles' and Talbot's own.
-    coat = Bounds(0.02, 0.05, systematic=0.003) if bpy.app.version >= (4, 5, 0) else BOUNDS
-    bounds = coat if corner == "coat" else BOUNDS
-    show(pair_scene, tmp_path, CORNERS[corner], light, bounces=8, bounds=bounds)
+    show(pair_scene, tmp_path, CORNERS[corner], light, bounces=8, bounds=BOUNDS)
 
 
 @LIGHTS

@@ -140,6 +140,8 @@ def test_curves(pair_scene: Any, tmp_path: Path, shape: str) -> None:
     add_plane(diffuse(0.6), 4.0)
     obj = curves_object(diffuse((0.8, 0.5, 0.3)))
     if shape == "POLY":
+        if not hasattr(obj.data, "set_types"):
+            pytest.skip("this Blender's scripts cannot make curves of straight lines")
         obj.data.set_types(type="POLY")
     else:
         try:
