@@ -197,9 +197,8 @@ constexpr CatalogueEntry kEntries[] = {
 
 namespace {
 
-/// Before 4.0 whatever reads a bumped normal gets one that reflections can leave by; later only the closures see to that.
 Value3 finished_bump(NodeContext& n, Value3 bent) {
-    return n.semantics.version < 400 ? ClosureMaker(n).glossy_normal(bent) : bent;
+    return n.semantics.bump_suits_reflections ? ClosureMaker(n).glossy_normal(bent) : bent;
 }
 
 }  // namespace

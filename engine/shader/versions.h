@@ -15,6 +15,7 @@ struct Semantics {
     bool ies_old = false;                  ///< IES tables wrap below their first horizontal angle, and must begin at the pole (before 5.0)
     bool normal_map_scales_slope = true;   ///< strength of tangent-space normal maps (mixes normals before 4.2)
     bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
+    bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
     bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
     float film_fade = 1;                   ///< nm: thinner films fade out
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
@@ -41,6 +42,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.sky_full_dome = version >= 500;
     s.normal_map_scales_slope = version >= 402;
     s.transform_normalizes = version < 402;
+    s.bump_suits_reflections = version < 400;
     s.brick_clamps = version >= 402;
     s.film_fade = version < 500 ? 30.0f : 1.0f;
     s.metal_has_film = version >= 500;
