@@ -19,9 +19,8 @@ struct Film {
 struct ClosureMaker {
     NodeContext& n;
     Expressions& e;
-    bool old;  ///< Blender before 4.0
 
-    explicit ClosureMaker(NodeContext& node) : n(node), e(node.e), old(node.semantics.version < 400) {}
+    explicit ClosureMaker(NodeContext& node) : n(node), e(node.e) {}
 
     Value op(ClosureOp kind, std::initializer_list<Value> in, int outs = 1) { return e.emit(Op::Closure, uint8_t(kind), in, outs); }
     Value3 op3(ClosureOp kind, std::initializer_list<Value> in) { return e.triple(op(kind, in, 3)); }
@@ -31,8 +30,8 @@ struct ClosureMaker {
     Value3 color01(const char* socket) { return e.saturate(n.color(socket, {1, 1, 1})); }
     Value factor(const char* socket, float fallback = 0) { return e.saturate(n.value(socket, fallback)); }
 
-    /// The socket's normal, for diffuse closures: before 4.0 it is bent for reflections like all others.
-    Value3 diffuse_normal(Value3 normal) { return old ? glossy_normal(normal) : normal; }
+    /// The socket's normal, for diffuse closures.
+    Value3 diffuse_normal(Value3 normal) { return n.semantics.diffuse_normals_bend ? glossy_normal(normal) : normal; }
     Value3 glossy_normal(Value3 normal) {
         const Value3 g = n.geometric_normal(), wo = n.incoming();
         return op3(ClosureOp::ValidReflection, {normal.x, normal.y, normal.z, g.x, g.y, g.z, wo.x, wo.y, wo.z});
@@ -62,12 +61,13 @@ struct ClosureMaker {
     /// Compensation for light that bounces several times between the facets.
     Value3 reflect_energy(Value3 normal, const Width& w, Value3 mean) {
         const Value3 wo = n.incoming();
-        return op3(ClosureOp::EnergyReflect,
-                   {normal.x, normal.y, normal.z, wo.x, wo.y, wo.z, w.ax, w.ay, mean.x, mean.y, mean.z, e.literal(old ? 1.0f : 0.0f)});
+        const Value escape = e.literal(n.semantics.energy_by_root ? 1.0f : 0.0f);
+        return op3(ClosureOp::EnergyReflect, {normal.x, normal.y, normal.z, wo.x, wo.y, wo.z, w.ax, w.ay, mean.x, mean.y, mean.z, escape});
     }
     Value3 glass_energy(Value3 normal, Value alpha, Value ior, Value3 mean) {
         const Value3 wo = n.incoming();
-        return op3(ClosureOp::EnergyGlass, {normal.x, normal.y, normal.z, wo.x, wo.y, wo.z, alpha, ior, mean.x, mean.y, mean.z, e.literal(old ? 1.0f : 0.0f)});
+        const Value escape = e.literal(n.semantics.energy_by_root ? 1.0f : 0.0f);
+        return op3(ClosureOp::EnergyGlass, {normal.x, normal.y, normal.z, wo.x, wo.y, wo.z, alpha, ior, mean.x, mean.y, mean.z, escape});
     }
     Value fresnel_at(Value3 normal, Value ior) {
         const Value3 wo = n.incoming();

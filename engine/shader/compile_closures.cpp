@@ -11,8 +11,7 @@ void compile_diffuse(NodeContext& n, Value3 weight) {
     const Value3 color = m.color("Color"), normal = m.diffuse_normal(n.normal());
     const Value rough = n.value("Roughness");
     if (m.is_zero(rough)) return m.diffuse(n.e.mul(weight, color), normal);
-    // The term for several bounces came with 4.3.
-    if (n.semantics.version < 403) {
+    if (n.semantics.diffuse_bounces_once) {
         n.closure(ClosureType::OrenNayarFujii, LobeKind::Diffuse, n.e.mul(weight, color), normal, {rough});
     } else {
         n.closure(ClosureType::OrenNayar, LobeKind::Diffuse, n.e.mul(weight, color), normal, {rough, color.x, color.y, color.z});

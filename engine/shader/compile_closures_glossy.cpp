@@ -30,7 +30,7 @@ void compile_glass(NodeContext& n, Value3 weight) {
     const auto width = m.isotropic(distribution == Sharp ? n.e.literal(0) : n.value("Roughness"), normal);
     const Value ior = m.relative_index(n.value("IOR", 1.45f));
     const bool beckmann = distribution == Beckmann;
-    if (m.old && distribution != MultiGgx) {
+    if (n.semantics.glass_as_two_lobes && distribution != MultiGgx) {
         // Two lobes, divided by the reflectance of the whole surface.
         const Value f = m.fresnel_at(normal, ior);
         const Value3 w = n.e.mul(weight, color);

@@ -156,7 +156,7 @@ struct Layers : ClosureMaker {
 }  // namespace
 
 void compile_principled(NodeContext& n, Value3 weight) {
-    if (n.semantics.version < 400) return compile_principled_v1(n, weight);
+    if (n.semantics.principled_v1) return compile_principled_v1(n, weight);
     Layers layers(n, weight);
     layers.transparency();
     layers.sheen();

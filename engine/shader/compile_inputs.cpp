@@ -55,7 +55,7 @@ void compile_texture_coordinate(NodeContext& n) {
     if (n.output_linked("Window")) {
         const scene::Camera& camera = n.graph().scene.camera;
         const bool polynomial = camera.type == scene::CameraType::Panoramic && camera.panorama == scene::PanoramaType::FisheyePolynomial;
-        if (polynomial && n.semantics.version < 402) n.warn("Window coordinates of a fisheye lens polynomial are those of newer versions");
+        if (polynomial && !n.semantics.polynomial_window) n.warn("Window coordinates of a fisheye lens polynomial are those of newer versions");
         const Value window = e.emit(Op::Window, n.semantics.fisheye_window_mirrored ? 1 : 0, {p.x, p.y, p.z}, 2);
         n.set_vector("Window", {window, e.after(window, 1), e.literal(0)});
     }

@@ -7,7 +7,6 @@
 namespace talbot::shader {
 
 struct Semantics {
-    scene::BlenderVersion version = 502;
     bool noise_wraps = true;               ///< noise coordinates are wrapped at 1e5 (not in 3.4)
     bool noise_roughness_clamped = false;  ///< roughness of fractal noise is limited to 1 (3.4)
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
@@ -20,6 +19,11 @@ struct Semantics {
     float film_fade = 1;                   ///< nm: thinner films fade out
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
     bool coat_as_mirror = false;           ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is (before 4.5)
+    bool principled_v1 = false;            ///< Principled BSDF of the first generation (before 4.0)
+    bool glass_as_two_lobes = false;       ///< Glass is a reflection and a refraction, divided by the reflectance of the whole surface (before 4.0)
+    bool energy_by_root = false;           ///< of light among facets the root of the mean share escapes at each bounce (before 4.0)
+    bool diffuse_normals_bend = false;     ///< diffuse closures bend their normals for reflections as the glossy ones do (before 4.0)
+    bool diffuse_bounces_once = false;     ///< rough Diffuse lacks the term for several bounces (before 4.3)
     bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
     bool hair_section_faces_up = true;     ///< elliptic hair without normals of its own has its long axis towards the world's z (5.2; anywhere in 5.0)
     Rec709 rec709 = Rec709::Exact;
@@ -30,12 +34,12 @@ struct Semantics {
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
     bool lamps_have_space = true;       ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
     bool lamps_have_uv = true;          ///< UV maps on lamps are their own coordinates (not in 3.4)
+    bool polynomial_window = true;      ///< Window coordinates of fisheye lens polynomials are followed (not in 3.4)
     bool default_is_principled = true;  ///< what has no material looks like a new material, as if painted before 5.0
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
     Semantics s;
-    s.version = version;
     s.noise_wraps = version >= 402;
     s.voronoi_integer_hash = version >= 500;
     s.noise_roughness_clamped = version < 402;
@@ -47,6 +51,11 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.film_fade = version < 500 ? 30.0f : 1.0f;
     s.metal_has_film = version >= 500;
     s.coat_as_mirror = version < 405;
+    s.principled_v1 = version < 400;
+    s.glass_as_two_lobes = version < 400;
+    s.energy_by_root = version < 400;
+    s.diffuse_normals_bend = version < 400;
+    s.diffuse_bounces_once = version < 403;
     s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
@@ -57,6 +66,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.fisheye_window_mirrored = version < 403;
     s.lamps_have_space = version >= 405;
     s.lamps_have_uv = version >= 402;
+    s.polynomial_window = version >= 402;
     s.default_is_principled = version >= 500;
     s.displacement_width = version >= 500 ? 0.1f : 1.0f;
     return s;
