@@ -8,7 +8,8 @@ inline constexpr float kThinFilmLongest = 9600.0f;  ///< nm, path difference of 
 
 inline constexpr float kThinnestFilm = 0.1f;  ///< nm: below it there is none
 
-/// Transform of red, green and blue: three real parts, three imaginary parts, each by path difference.
-extern const float kThinFilm[6 * kThinFilmNodes];
+/// Transform of red, green and blue: three real parts, three imaginary parts, each by path difference. Of the CIE observer, and after
+/// it of the fit that the paper has for it, which is what Blender before 5.0 shows: up to a tenth away.
+extern const float kThinFilm[12 * kThinFilmNodes];
 
 }  // namespace talbot

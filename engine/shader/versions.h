@@ -16,7 +16,7 @@ struct Semantics {
     bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
     bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
     bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
-    float film_fade = 1;                   ///< nm: thinner films fade out
+    bool film_fitted = false;              ///< thin films have the colours of a fit of the observer, and fade out below 30 nm (before 5.0)
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
     bool coat_as_mirror = false;           ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is (before 4.5)
     bool principled_v1 = false;            ///< Principled BSDF of the first generation (before 4.0)
@@ -48,7 +48,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.transform_normalizes = version < 402;
     s.bump_suits_reflections = version < 400;
     s.brick_clamps = version >= 402;
-    s.film_fade = version < 500 ? 30.0f : 1.0f;
+    s.film_fitted = version < 500;
     s.metal_has_film = version >= 500;
     s.coat_as_mirror = version < 405;
     s.principled_v1 = version < 400;

@@ -244,9 +244,7 @@ def test_thin_film(pair_scene: Any, tmp_path: Path, light: str) -> None:
         builders.append(principled(Transmission=1.0, Roughness=0.3, **film))
         if bpy.app.version >= (5, 0, 0):
             builders.append(node("BsdfGlass", Roughness=0.3, **thick))
-    # The films of 4.x are half a percent from Talbot's, unexplained.
-    bounds = Bounds(0.02, 0.05, systematic=0.008) if bpy.app.version < (5, 0, 0) else BOUNDS
-    show(pair_scene, tmp_path, builders, light, bounces=8, bounds=bounds)
+    show(pair_scene, tmp_path, builders, light, bounces=8)
 
 
 def test_both_sides(pair_scene: Any, tmp_path: Path) -> None:

@@ -109,7 +109,6 @@ struct GlassLobe {
     Interface<beckmann> face;
     Rgb f0, reflection, transmission;
     ThinFilm film;
-    float fade;
 
     TALBOT_MEMBER static GlassLobe load(const float* const* p, int i, const LobeUniform& u) {
         const float base = f0_from_eta(clampf(p[1][i], 1e-3f, 1e3f));
@@ -117,13 +116,12 @@ struct GlassLobe {
                 {saturate(base * p[2][i]), saturate(base * p[3][i]), saturate(base * p[4][i])},
                 {p[5][i], p[6][i], p[7][i]},
                 {p[8][i], p[9][i], p[10][i]},
-                has_film ? ThinFilm{clampf(p[11][i], 0.0f, 1e6f), clampf(p[12][i], 1e-3f, 1e3f)} : ThinFilm{},
-                u.film_fade};
+                has_film ? ThinFilm{clampf(p[11][i], 0.0f, 1e6f), clampf(p[12][i], 1e-3f, 1e3f), u.film_fitted} : ThinFilm{}};
     }
     TALBOT_MEMBER void split(float c, Rgb& r, Rgb& t) const {
         Rgb f = lerp(f0, vec3(1.0f), fresnel_position(c, face.eta));
         if constexpr (has_film) {
-            const Rgb filmed = film_scaled(film_dielectric(c, film, fade, face.eta), f0, face.eta);
+            const Rgb filmed = film_scaled(film_dielectric(c, film, face.eta), f0, face.eta);
             const bool covered = film.thickness > kThinnestFilm;
             f = {covered ? filmed.x : f.x, covered ? filmed.y : f.y, covered ? filmed.z : f.z};
         }

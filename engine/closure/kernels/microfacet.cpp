@@ -55,9 +55,8 @@ template <class Base, int columns>
 struct FilmFresnel {
     Base base;
     ThinFilm film;
-    float fade;
     TALBOT_MEMBER static FilmFresnel load(const float* const* p, int i, const LobeUniform& u) {
-        return {Base::load(p, i, u), {clampf(p[columns][i], 0.0f, 1e6f), clampf(p[columns + 1][i], 1e-3f, 1e3f)}, u.film_fade};
+        return {Base::load(p, i, u), {clampf(p[columns][i], 0.0f, 1e6f), clampf(p[columns + 1][i], 1e-3f, 1e3f), u.film_fitted}};
     }
     TALBOT_MEMBER Rgb at(float c) const {
         const Rgb f = filmed(base, saturate(c)), plain = base.at(c);
@@ -69,8 +68,8 @@ struct FilmFresnel {
         const bool covered = film.thickness > kThinnestFilm;
         return {covered ? f.x : plain.x, covered ? f.y : plain.y, covered ? f.z : plain.z};
     }
-    TALBOT_MEMBER Rgb filmed(const SchlickFresnel& s, float c) const { return film_scaled(film_dielectric(c, film, fade, s.eta), s.f0, s.eta); }
-    TALBOT_MEMBER Rgb filmed(const ConductorFresnel& s, float c) const { return film_conductor(c, film, fade, s.n, s.k, vec3(-1.0f)); }
+    TALBOT_MEMBER Rgb filmed(const SchlickFresnel& s, float c) const { return film_scaled(film_dielectric(c, film, s.eta), s.f0, s.eta); }
+    TALBOT_MEMBER Rgb filmed(const ConductorFresnel& s, float c) const { return film_conductor(c, film, s.n, s.k, vec3(-1.0f)); }
     /// Reflectances at 0 and 82 degrees as those of a metal [Gulbrandsen 2014, "Artist Friendly Metallic Fresnel"].
     TALBOT_MEMBER Rgb filmed(const F82Fresnel& s, float c) const {
         const Rgb edge = s.at(1.0f / 7.0f);
@@ -81,7 +80,7 @@ struct FilmFresnel {
             n[channel] = lerp((1.0f + root) / (1.0f - root), (1.0f - r) / (1.0f + r), in[channel][1]);
             k[channel] = safe_sqrt((r * square(n[channel] + 1.0f) - square(n[channel] - 1.0f)) / (1.0f - r));
         }
-        return film_conductor(c, film, fade, {n[0], n[1], n[2]}, {k[0], k[1], k[2]}, edge);
+        return film_conductor(c, film, {n[0], n[1], n[2]}, {k[0], k[1], k[2]}, edge);
     }
 };
 

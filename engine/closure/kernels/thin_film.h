@@ -12,6 +12,7 @@ inline namespace TALBOT_ISA {
 
 struct ThinFilm {
     float thickness, ior;
+    float fitted;  ///< 1: as before Blender 5.0
 };
 
 /// Reflectance and phase of one polarisation; the phase as cosine and sine.
@@ -49,18 +50,18 @@ TALBOT_INLINE void reflect_polarised(float c, float above, float n, float k, Pol
 }
 
 /// The eye's answer to an oscillation of this path difference (nm), one channel.
-TALBOT_INLINE void film_response(float path, int channel, float& re, float& im) {
+TALBOT_INLINE void film_response(float path, float fitted, int channel, float& re, float& im) {
     const float at = minf(maxf(path * ((kThinFilmNodes - 1) / kThinFilmLongest), 0.0f), float(kThinFilmNodes) - 1.001f);
     const int32_t i = int32_t(at);
     const float f = at - float(i);
-    const float* real = kThinFilm + channel * kThinFilmNodes;
+    const float* real = kThinFilm + channel * kThinFilmNodes + (fitted != 0.0f ? 6 * kThinFilmNodes : 0);
     const float* imaginary = real + 3 * kThinFilmNodes;
     re = lerp(real[i], real[i + 1], f);
     im = lerp(imaginary[i], imaginary[i + 1], f);
 }
 
 /// Sum over the number of times the light went through the film, (10) of the paper, for one polarisation and channel. top: from outside into the film.
-TALBOT_INLINE float airy_sum(const Polarised& top, const Polarised& bottom, float path, int channel) {
+TALBOT_INLINE float airy_sum(const Polarised& top, const Polarised& bottom, float path, float fitted, int channel) {
     const float t = 1.0f - top.r, both = minf(top.r * bottom.r, 0.9999f), root = std::sqrt(both);
     const float through = t * t * bottom.r / (1.0f - both);
     // Seen from inside the top turns the phase the other way: by half a turn more.
@@ -69,7 +70,7 @@ TALBOT_INLINE float airy_sum(const Polarised& top, const Polarised& bottom, floa
 #pragma GCC unroll 3
     for (int m = 1; m <= 3; ++m) {
         float sr, si;
-        film_response(float(m) * path, channel, sr, si);
+        film_response(float(m) * path, fitted, channel, sr, si);
         amplitude *= root;
         sum += 2.0f * amplitude * (ar * sr + ai * si);
         const float next = ar * re - ai * im;
@@ -79,15 +80,15 @@ TALBOT_INLINE float airy_sum(const Polarised& top, const Polarised& bottom, floa
     return sum;
 }
 
-/// Very thin films fade out: their index goes to that of the outside.
-TALBOT_INLINE float film_index(ThinFilm film, float fade) {
-    const float t = saturate(film.thickness / fade);
+/// Very thin films fade out (below 30 nm before Blender 5.0, then 1 nm): their index goes to that of the outside.
+TALBOT_INLINE float film_index(ThinFilm film) {
+    const float t = saturate(film.thickness / (film.fitted != 0.0f ? 30.0f : 1.0f));
     return lerp(1.0f, maxf(film.ior, 1e-3f), t * t * (3.0f - 2.0f * t));
 }
 
 /// Over a dielectric of index eta.
-TALBOT_INLINE Rgb film_dielectric(float c, ThinFilm film, float fade, float eta) {
-    const float n2 = film_index(film, fade);
+TALBOT_INLINE Rgb film_dielectric(float c, ThinFilm film, float eta) {
+    const float n2 = film_index(film);
     Polarised top[2], bottom[2];
     float cos2, cos3;
     reflect_polarised(saturate(c), n2, top[0], top[1], cos2);
@@ -95,13 +96,14 @@ TALBOT_INLINE Rgb film_dielectric(float c, ThinFilm film, float fade, float eta)
     const bool total = (cos2 <= 0.0f) | (cos3 <= 0.0f);
     const float path = 2.0f * n2 * film.thickness * cos2;
     float rgb[3];
-    for (int k = 0; k < 3; ++k) rgb[k] = total ? 1.0f : saturate(0.5f * (airy_sum(top[0], bottom[0], path, k) + airy_sum(top[1], bottom[1], path, k)));
+    for (int k = 0; k < 3; ++k)
+        rgb[k] = total ? 1.0f : saturate(0.5f * (airy_sum(top[0], bottom[0], path, film.fitted, k) + airy_sum(top[1], bottom[1], path, film.fitted, k)));
     return {rgb[0], rgb[1], rgb[2]};
 }
 
 /// Over a conductor. f82: where not negative, the reflectance at 82 degrees that replaces the conductor's own curve (F82 model).
-TALBOT_INLINE Rgb film_conductor(float c, ThinFilm film, float fade, Rgb n, Rgb k, Rgb f82) {
-    const float n2 = film_index(film, fade);
+TALBOT_INLINE Rgb film_conductor(float c, ThinFilm film, Rgb n, Rgb k, Rgb f82) {
+    const float n2 = film_index(film);
     Polarised top[2];
     float cos2;
     reflect_polarised(saturate(c), n2, top[0], top[1], cos2);
@@ -118,7 +120,7 @@ TALBOT_INLINE Rgb film_conductor(float c, ThinFilm film, float fade, Rgb n, Rgb 
         const float model = fresnel_f82(cos2, f0, (7.0f / (kS5 * kS)) * (lerp(f0, 1.0f, kS5) - edge));
         bottom[0].r = edge >= 0.0f ? model : bottom[0].r;
         bottom[1].r = edge >= 0.0f ? model : bottom[1].r;
-        const float sum = 0.5f * (airy_sum(top[0], bottom[0], path, channel) + airy_sum(top[1], bottom[1], path, channel));
+        const float sum = 0.5f * (airy_sum(top[0], bottom[0], path, film.fitted, channel) + airy_sum(top[1], bottom[1], path, film.fitted, channel));
         rgb[channel] = cos2 > 0.0f ? saturate(sum) : 1.0f;
     }
     return {rgb[0], rgb[1], rgb[2]};

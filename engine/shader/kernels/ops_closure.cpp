@@ -238,8 +238,8 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
         case ClosureOp::FilmAlbedo:
             return lanes<3, 13>(r, n, [](const float* in, float* out) {
                 const float eta = clampf(in[6], 1e-3f, 1e3f);
-                const ThinFilm film{clampf(in[10], 0.0f, 1e6f), clampf(in[11], 1e-3f, 1e3f)};
-                put(out, 0, film_scaled(film_dielectric(view_cosine(in), film, in[12], eta), at(in, 7), eta));
+                const ThinFilm film{clampf(in[10], 0.0f, 1e6f), clampf(in[11], 1e-3f, 1e3f), in[12]};
+                put(out, 0, film_scaled(film_dielectric(view_cosine(in), film, eta), at(in, 7), eta));
             });
         case ClosureOp::HairWidths:
             return lanes<3, 3>(r, n, [](const float* in, float* out) {
