@@ -103,11 +103,11 @@ class ObjectArrays(TypedDict, total=False):
     names: list[str]
     material_set: i32  # (n,) index into `material_sets`
     material_sets: list[list[int]]  # shader handles by material slot, -1: none
-    # (n,) bits camera 1, diffuse 2, glossy 4, transmission 8, volume 16, shadow 32, blocker groups from 256 on
-    visibility: u32
+    visibility: u32  # (n,) bits camera 1, diffuse 2, glossy 4, transmission 8, volume 16, shadow 32
     receiver_set: i32  # (n,) 0 to 63
     linking: i32  # (n,) of its emission, index into `linkings`, -1: it lights everything
-    linkings: list[tuple[int, int]]  # mask of the receiver sets; 32 or the bit of a blocker group
+    linkings: list[tuple[int, int]]  # mask of the receiver sets; blocker group 0 to 63, -1: all objects block
+    blocks: u32  # (n, 2) bit g of the low or the high word: casts the shadows of emitters with blocker group g
     random: u32  # (n,)
     pass_index: i32  # (n,)
     color: f32  # (n, 4)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from .context import SyncContext
 
-MAX_RECEIVER_SETS, MAX_BLOCKER_GROUPS = 64, 17
-ALL_SETS, SHADOW, FIRST_BLOCKER = (1 << 64) - 1, 32, 256
-NO_LINKING = (ALL_SETS, SHADOW)
+MAX_RECEIVER_SETS, MAX_BLOCKER_GROUPS = 64, 64
+ALL_SETS, ALL_BLOCK = (1 << 64) - 1, -1
+NO_LINKING = (ALL_SETS, ALL_BLOCK)
 
 Subject = tuple[int, int]
 """An object and its instancer (0: none), pointers of the originals."""
@@ -53,13 +53,9 @@ class Resolved:
 
     receiver_sets: dict[Subject, int]
     linkings: dict[Subject, tuple[int, int]]
-    """Of emission, only where it is not NO_LINKING: mask of receiver sets, bit of the blockers."""
+    """Of emission, only where it is not NO_LINKING: mask of receiver sets, blocker group."""
     blockers: dict[Subject, int]
-    """Visibility bits beyond Blender's."""
-
-    def blocker_bits(self, subject: Subject, visibility: int) -> int:
-        """Those bits of an object with this visibility: what casts no shadow at all casts none here."""
-        return self.blockers[subject] if visibility & SHADOW else 0
+    """Mask of the groups whose shadows the object casts."""
 
 
 @dataclass
@@ -125,14 +121,14 @@ class LinkPass:
                 f"Collection '{self._names[collection]}': more than {MAX_BLOCKER_GROUPS} collections of shadow linking "
                 f"are not supported; everything casts the shadows of its lights"
             )
-        bits = {c: FIRST_BLOCKER << group for group, c in enumerate(groups[:MAX_BLOCKER_GROUPS])}
+        numbers = {c: group for group, c in enumerate(groups[:MAX_BLOCKER_GROUPS])}
         linkings, blockers = {}, {}
         for subject, pointer in speaker.items():
             receiver, blocker = self._links.get(pointer, (-1, -1))
-            linking = (masks.get(receiver, ALL_SETS), bits.get(blocker, SHADOW))
+            linking = (masks.get(receiver, ALL_SETS), numbers.get(blocker, ALL_BLOCK))
             if linking != NO_LINKING:
                 linkings[subject] = linking
-            blockers[subject] = sum(bit for c, bit in bits.items() if self._objects[c].holds(pointer))
+            blockers[subject] = sum(1 << n for c, n in numbers.items() if self._objects[c].holds(pointer))
         return Resolved(sets, linkings, blockers)
 
     def _in_use(self, collections: Iterable[int]) -> list[int]:
@@ -148,4 +144,7 @@ def linking_arrays(linked: Resolved, subjects: list[Subject], which: NDArray[np.
         "receiver_set": np.array([linked.receiver_sets[subject] for subject in subjects], np.int32)[which],
         "linking": np.array([index.get(linking, -1) for linking in linkings], np.int32)[which],
         "linkings": different,
+        "blocks": np.array([linked.blockers[subject] for subject in subjects], np.uint64)[which]
+        .view(np.uint32)
+        .reshape(-1, 2),
     }

@@ -391,9 +391,6 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
     }
     if gathered.linked is not None:
         arrays |= linking_arrays(gathered.linked, [r.subject for r in records], which)
-        arrays["visibility"] |= column(
-            [gathered.linked.blocker_bits(r.subject, r.visibility) for r in records], np.uint32
-        )
     if gathered.dupli is not None:
         arrays["dupli_generated"] = np.ascontiguousarray(gathered.dupli[0][rows])
         arrays["dupli_uv"] = np.ascontiguousarray(gathered.dupli[1][rows])

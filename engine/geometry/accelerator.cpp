@@ -130,6 +130,12 @@ int rank(const Affine& a) {
     return cofactors > 0 ? 2 : 0;
 }
 
+#if RTC_VERSION_MAJOR >= 4
+constexpr int kFilterFlag = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+#else
+constexpr int kFilterFlag = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+#endif
+
 enum class Placement : uint8_t { Absent, Flattened, Instanced };
 
 struct Placed {
@@ -157,6 +163,7 @@ struct Builder {
     DeviceState& state;
     Progress& progress;
     const std::function<void(double)>& before_sort;
+    bool filters = false;  ///< rays may bring a filter: costs all others a little
 
     /// Primitives in object space, or in world space when `to_world` is given. The mesh outlives the geometry.
     GeometryPtr make(const MeshEntry& entry, const Affine* to_world) {
@@ -170,7 +177,7 @@ struct Builder {
     ScenePtr new_scene(RTCBuildQuality quality) {
         ScenePtr scene(rtcNewScene(device));
         check(state, {});
-        rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
+        rtcSetSceneFlags(scene.get(), RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | (filters ? kFilterFlag : 0)));
         rtcSetSceneBuildQuality(scene.get(), quality);
         return scene;
     }
@@ -193,7 +200,7 @@ struct Accelerator::State {
     DevicePtr device;
     int threads = -1;
     std::unordered_map<const scene::Mesh*, MeshEntry> meshes;
-    bool high_quality = false;
+    bool high_quality = false, filters = false;
     uint64_t generation = 0;
     ScenePtr top;
     std::vector<Placed> placed;  ///< by object index
@@ -280,7 +287,7 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     const RTCBuildQuality quality = flatten ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
     double triangles = 0;
     for (auto& [key, entry] : meshes) {
-        if (!entry.instanced || (flatten && !high_quality)) entry.scene.reset();
+        if (!entry.instanced || (flatten && !high_quality) || filters != builder.filters) entry.scene.reset();
         if (entry.instanced && !entry.scene) triangles += double(key->primitive_count());
     }
     high_quality = flatten;
@@ -300,6 +307,8 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     }
 
     // Objects: what stayed the same is left alone.
+    if (filters != builder.filters) drop_top();
+    filters = builder.filters;
     bool changed = !top;
     if (!top) top = builder.new_scene(quality);
     rtcSetSceneBuildQuality(top.get(), quality);
@@ -361,7 +370,7 @@ void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& op
     progress.call = &options.progress;
     try {
         state.open(options.threads);
-        Builder builder{state.device.get(), state.device_state, progress, options.before_sort};
+        Builder builder{state.device.get(), state.device_state, progress, options.before_sort, tables.view.has_blockers};
         state.place(builder, tables, options.flatten);
     } catch (const std::bad_alloc&) {
         state.drop_top();

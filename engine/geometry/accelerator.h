@@ -77,6 +77,8 @@ std::string embree_version();
 struct TraceOptions {
     int width = 8;
     bool coherent = false;
+    /// Only where SceneView::has_blockers: the scene's objects, for rays with a group in their mask (scene::blocker_group) meet none but its blockers.
+    const scene::ObjectView* objects = nullptr;
 };
 
 inline namespace TALBOT_ISA {  // kernels

@@ -126,6 +126,7 @@ std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, st
                             a.triangle_vertices == b.triangle_vertices && a.positions.size() == b.positions.size() &&
                             std::equal(a.positions.begin(), a.positions.end(), b.positions.begin(), equal));
     };
+    constexpr uint32_t unlinked = scene::kVisibleAll & ~uint32_t(scene::kVisibleShadow);  // rays that ask for no blockers
     std::vector<uint32_t> masks(meshes.size(), 0);
     std::unordered_multimap<uint64_t, size_t> seen;
     for (size_t i = 0; i < meshes.size(); ++i) {
@@ -140,7 +141,7 @@ std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, st
         for (auto at = begin; at != end; ++at) {
             const size_t k = at->second;
             if (std::memcmp(&tables.view.objects[k].to_world, &object.to_world, sizeof(Affine)) == 0 && same_mesh(*meshes[k], *meshes[i]))
-                masks[i] &= ~tables.view.objects[k].visibility;
+                masks[i] &= ~(tables.view.objects[k].visibility & (tables.view.objects[k].blocks == object.blocks ? ~0u : unlinked));
         }
         seen.emplace(h, i);
     }

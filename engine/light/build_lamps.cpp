@@ -166,7 +166,7 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     sun.program_shader = own.program_shader;
     sun.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
     sun.hit_visibility = hit_visibility(light);
-    sun.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
+    sun.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
     sun.receivers = light.linking.receivers;
     sun.max_bounces = light.max_bounces;
     sun.handle = handle;
@@ -196,7 +196,7 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.program_shader = own.program_shader;
         lamp.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
         lamp.hit_visibility = hit_visibility(light);
-        lamp.blockers = light.cast_shadow ? int32_t(light.linking.blockers) : 0;
+        lamp.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
         lamp.receivers = light.linking.receivers;
         lamp.max_bounces = light.max_bounces;
         lamp.handle = scene::Handle(i);

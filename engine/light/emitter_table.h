@@ -171,7 +171,7 @@ struct WorldMap {
 
 /// Light of this emitter that scattered rays find does not count: other objects stopped them than cast its shadows.
 TALBOT_INLINE bool has_own_blockers(int32_t blockers) {
-    return (uint32_t(blockers) & scene::kBlockerBits) != 0;
+    return scene::blocker_group(uint32_t(blockers)) >= 0;
 }
 
 /// True when the mask of sets holds the receiver's, or nobody receives (-1).

@@ -243,9 +243,8 @@ void Fields::read_enum(const char* name, int& index, std::span<const char* const
 }
 
 scene::Linking read_linking(py::handle pair) {
-    const auto [receivers, blockers] = py::cast<std::pair<uint64_t, uint32_t>>(pair);
-    const bool group = (blockers & scene::kBlockerBits) == blockers && std::has_single_bit(blockers);
-    if (!group && blockers != scene::kVisibleShadow) throw Error("Light linking: its shadows are not one blocker group's");
+    const auto [receivers, blockers] = py::cast<std::pair<uint64_t, int32_t>>(pair);
+    if (blockers < -1 || blockers >= scene::kBlockerGroups) throw Error("Light linking: there is no such blocker group");
     return {receivers, blockers};
 }
 

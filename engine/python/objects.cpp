@@ -23,7 +23,7 @@ void check_indices(std::span<const int32_t> column, size_t bound, const char* na
 struct ObjectColumns {
     std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set, receiver_set, linking;
     std::span<const float> matrix, color, dupli_generated, dupli_uv, shading_offset, geometry_offset;
-    std::span<const uint32_t> visibility, random, flags;
+    std::span<const uint32_t> visibility, blocks, random, flags;
 };
 
 std::vector<std::string> read_names(ArrayDict& arrays) {
@@ -101,8 +101,9 @@ std::vector<Object> make_objects(const ObjectColumns& c, size_t n) {
         if (!c.name.empty()) o.name = c.name[i];
         if (!c.material_set.empty()) o.material_set = c.material_set[i];
         if (!c.attribute_set.empty()) o.attribute_set = c.attribute_set[i];
-        if (!c.visibility.empty()) o.visibility = c.visibility[i] & (kVisibleAll | kBlockerBits);
+        if (!c.visibility.empty()) o.visibility = c.visibility[i] & kVisibleAll;
         if (!c.receiver_set.empty()) o.receiver_set = uint8_t(c.receiver_set[i]);
+        if (!c.blocks.empty()) o.blocks = c.blocks[2 * i] | uint64_t(c.blocks[2 * i + 1]) << 32;
         if (!c.linking.empty()) o.linking = c.linking[i];
         if (!c.random.empty()) o.random = c.random[i];
         if (!c.pass_index.empty()) o.pass_index = c.pass_index[i];
@@ -134,6 +135,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     c.material_set = arrays.get<int32_t>("material_set", 1);
     c.attribute_set = arrays.get<int32_t>("attribute_set", 1);
     c.receiver_set = arrays.get<int32_t>("receiver_set", 1);
+    c.blocks = arrays.get<uint32_t>("blocks", 2);
     c.linking = arrays.get<int32_t>("linking", 1);
     c.visibility = arrays.get<uint32_t>("visibility", 1);
     c.random = arrays.get<uint32_t>("random", 1);
@@ -156,6 +158,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     check_column(c.material_set, n, "material_set");
     check_column(c.attribute_set, n, "attribute_set");
     check_column(c.receiver_set, n, "receiver_set");
+    check_column(c.blocks, n * 2, "blocks");
     check_column(c.linking, n, "linking");
     check_column(c.visibility, n, "visibility");
     check_column(c.random, n, "random");

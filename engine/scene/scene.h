@@ -26,18 +26,25 @@ enum Visibility : uint32_t {
     kVisibleShadow = 32,
     kVisibleRaycast = 128,  ///< met by the Raycast node's rays; 64 is taken by the accelerator's own kind of shadow ray
     kVisibleAll = 63 | kVisibleRaycast,
-    kBlocker = 256,  ///< and the bits above: see Linking
 };
 
 /// Light linking. Every object is in one of 64 receiver sets, and every emitter has a mask of the sets it lights. An emitter whose shadows only some objects
-/// cast has a blocker group g of its own, 0 to 16: its shadow rays see the objects with the bit kBlocker << g in their visibility (and kVisibleShadow), all
-/// others those with kVisibleShadow.
+/// cast has a blocker group g of its own: of the objects with kVisibleShadow its shadow rays see those with bit g in `Object::blocks`.
 struct Linking {
-    uint64_t receivers = ~uint64_t(0);   ///< bit s: lights the objects of set s
-    uint32_t blockers = kVisibleShadow;  ///< the bit its shadow rays ask for
+    uint64_t receivers = ~uint64_t(0);  ///< bit s: lights the objects of set s
+    int32_t blockers = -1;              ///< group, 0 to 63; -1: all objects
 };
-inline constexpr int kReceiverSets = 64, kBlockerGroups = 17;
-inline constexpr uint32_t kBlockerBits = ((1u << kBlockerGroups) - 1) * kBlocker;
+inline constexpr int kReceiverSets = 64, kBlockerGroups = 64;
+
+/// Masks of shadow rays hold one more than the group beside Visibility's bits; 0: all objects block.
+inline constexpr int kBlockerShift = 8;
+inline constexpr uint32_t kBlockerBits = 127u << kBlockerShift;
+constexpr uint32_t shadow_mask(const Linking& linking) {
+    return kVisibleShadow | uint32_t(linking.blockers + 1) << kBlockerShift;
+}
+constexpr int32_t blocker_group(uint32_t mask) {
+    return int32_t((mask & kBlockerBits) >> kBlockerShift) - 1;
+}
 
 enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };
 
@@ -133,6 +140,7 @@ struct Object {
     bool is_holdout = false;
     bool is_shadow_catcher = false;
     uint8_t receiver_set = 0;                        ///< which emitters light it
+    uint64_t blocks = 0;                             ///< bit g: casts the shadows of emitters with blocker group g; see Linking
     float shadow_terminator_shading_offset = 0;      ///< 0..1: moves the smooth shading's dark side towards the light
     float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
 };

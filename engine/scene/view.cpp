@@ -79,6 +79,11 @@ MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* a
     return out;
 }
 
+bool has_blockers(const Scene& scene) {
+    return std::any_of(scene.linkings.begin(), scene.linkings.end(), [](const Linking& linking) { return linking.blockers >= 0; }) ||
+           std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.linking.blockers >= 0; });
+}
+
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables) {
     const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
     tables.keep_alive = scene.meshes;
@@ -90,6 +95,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     tables.view.has_strands = false;
     tables.view.has_holdouts = false;
     tables.view.has_motion = !scene.motion.camera.empty();
+    tables.view.has_blockers = has_blockers(scene);
     tables.view.motion = &scene.motion;
     for (size_t i = 0; i < meshes; ++i) {
         if (!scene.meshes[i]) continue;
@@ -137,6 +143,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.is_shadow_catcher = object.is_shadow_catcher;
         out.is_instance = object.is_instance;
         out.receiver_set = object.receiver_set;
+        out.blocks = object.blocks;
         if (object.linking >= 0 && size_t(object.linking) < scene.linkings.size()) out.linking = scene.linkings[size_t(object.linking)];
         out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(object.shadow_terminator_shading_offset));
         out.geometry_offset = object.shadow_terminator_geometry_offset;

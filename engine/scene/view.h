@@ -97,6 +97,7 @@ struct ObjectView {
     float terminator_frequency = 1;  ///< 1 / (1 - half the shading offset)
     float geometry_offset = 0.1f;
     int32_t receiver_set = 0;
+    uint64_t blocks = 0;
     Linking linking;                            ///< of its emission
     int32_t motion_steps = 0;                   ///< 0: it stands still
     const Affine* motion = nullptr;             ///< to_world of each step
@@ -112,6 +113,7 @@ struct SceneView {
     bool has_strands = false;  ///< some mesh is made of curves or points
     bool has_motion = false;   ///< paths have a time
     bool has_holdouts = false;
+    bool has_blockers = false;  ///< see has_blockers()
     const Motion* motion = nullptr;
     const Settings* settings = nullptr;
     const Camera* camera = nullptr;
@@ -131,6 +133,9 @@ struct SceneTables {
 
 /// What kernels see of a mesh. `attributes`: a row of tables.attribute_names.size() entries, which this fills and the view points to.
 MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* attributes);
+
+/// Some emitter has blockers of its own.
+bool has_blockers(const Scene& scene);
 
 /// `default_shader`: handle of the shader that stands for missing materials.
 /// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.

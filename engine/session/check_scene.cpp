@@ -127,8 +127,7 @@ void check_motion(const Motion& motion) {
 }
 
 void check_linking(const Linking& linking, const std::string& where) {
-    const uint32_t b = linking.blockers;
-    demand(b == kVisibleShadow || ((b & kBlockerBits) == b && std::has_single_bit(b)), "not one blocker group", where);
+    demand(linking.blockers >= -1 && linking.blockers < kBlockerGroups, "a blocker group that does not exist", where);
 }
 
 }  // namespace

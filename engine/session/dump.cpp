@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 7;
+constexpr uint32_t kVersion = 8;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -110,10 +110,21 @@ void fields(A& a, Is<Object> auto& s) {
     a.since(3, s.motion);
     a.since(5, s.linking);
     a.since(5, s.receiver_set);
+    a.since(8, s.blocks);
+    if constexpr (A::kReads) {
+        // Blocker groups were bits of the visibility.
+        if (a.version() < 8) {
+            s.blocks = s.visibility >> 8 & 0x1ffff;
+            s.visibility &= kVisibleAll;
+        }
+    }
 }
 template <class A>
 void fields(A& a, Is<Linking> auto& s) {
     a(s.receivers, s.blockers);
+    if constexpr (A::kReads) {
+        if (a.version() < 8) s.blockers = s.blockers > int32_t(kVisibleShadow) ? std::countr_zero(uint32_t(s.blockers)) - 8 : -1;
+    }
 }
 template <class A>
 void fields(A& a, Is<NodeInput> auto& s) {
@@ -249,6 +260,7 @@ public:
     static constexpr bool kReads = true;
     Reader(std::vector<uint8_t> bytes, std::string path) : bytes_(std::move(bytes)), path_(std::move(path)) {}
     void set_version(uint32_t version) { version_ = version; }
+    uint32_t version() const { return version_; }
 
     template <class... T>
     void operator()(T&... values) {

@@ -140,6 +140,7 @@ void update_render_data(Session::State& s) {
 
     const bool images = dirty & scene::kDirtyImages, shaders = (dirty & (scene::kDirtyShaders | scene::kDirtySettings)) || images;
     bool objects = dirty & (scene::kDirtyMeshes | scene::kDirtyObjects);
+    objects |= scene::has_blockers(scene) != data.tables.view.has_blockers;
     if (images) timed("Loading images", &Statistics::textures_seconds, [&] { data.textures.update(scene, s.report, &s.cancel); });
     if (shaders) {
         timed("Compiling shaders", &Statistics::compile_seconds, [&] {

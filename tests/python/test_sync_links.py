@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from sync_recorder import synchronise
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 0, 0), reason="Blender has no light linking")
-EVERYTHING = ((1 << 64) - 1, 32)
+EVERYTHING = ((1 << 64) - 1, -1)
 
 
 def add_triangle(name: str) -> Any:
@@ -48,7 +49,7 @@ def test_nothing_linked_is_nothing_sent(empty_scene: Any) -> None:
     assert lamp.light_linking.receiver_collection is None
     session, _, _ = synchronise()
     assert "receiver_set" not in session.objects and "linking" not in session.lights[0]
-    assert session.objects["visibility"].max() < 256
+    assert "blocks" not in session.objects
 
 
 def test_receivers(empty_scene: Any) -> None:
@@ -78,12 +79,14 @@ def test_blockers(empty_scene: Any) -> None:
     lamp.light_linking.blocker_collection = collect(a, hidden)
     other.light_linking.blocker_collection = collect(a, b, state="EXCLUDE")
     session, _, _ = synchronise()
-    bits = [light["linking"][1] for light in session.lights]
-    assert sorted(bits) == [256, 512]
+    group = {light["name"]: light["linking"][1] for light in session.lights}
+    assert sorted(group.values()) == [0, 1]
     names = [session.objects["names"][index] for index in session.objects["name"]]
-    blocks = dict(zip(names, (int(v) & ~255 for v in session.objects["visibility"]), strict=True))
-    own = next(light["linking"][1] for light in session.lights if light["name"] == "Lamp")
-    assert blocks == {"A": own, "B": 0, "hidden": 0}
+    blocks = dict(zip(names, session.objects["blocks"].tolist(), strict=True))
+    own = 1 << group["Lamp"]
+    assert blocks == {"A": [own, 0], "B": [0, 0], "hidden": [3, 0]}
+    visible = dict(zip(names, session.objects["visibility"].tolist(), strict=True))
+    assert not visible["hidden"] & 32
 
 
 def test_too_many_sets(empty_scene: Any) -> None:
@@ -97,10 +100,16 @@ def test_too_many_sets(empty_scene: Any) -> None:
     assert not session.objects["receiver_set"].any()
 
 
-def test_too_many_blockers(empty_scene: Any) -> None:
-    obj = add_triangle("A")
-    for number in range(20):
+def test_many_blockers(empty_scene: Any) -> None:
+    """Sixty-four collections; what is beyond is said."""
+    objects = [add_triangle(f"T{number:02}") for number in range(66)]
+    for number, obj in enumerate(objects):
         add_light(f"L{number:02}").light_linking.blocker_collection = collect(obj)
     session, _, result = synchronise()
-    assert len([w for w in result.warnings if "more than 17 collections of shadow linking" in w]) == 3
-    assert sum("linking" in light for light in session.lights) == 17
+    assert len([w for w in result.warnings if "more than 64 collections of shadow linking" in w]) == 2
+    groups = {light["name"]: light["linking"][1] for light in session.lights if "linking" in light}
+    assert sorted(groups.values()) == list(range(64))
+    names = [session.objects["names"][index] for index in session.objects["name"]]
+    masks = session.objects["blocks"].view(np.uint64).reshape(-1)
+    blocks = {name: int(mask) for name, mask in zip(names, masks, strict=True)}
+    assert all(blocks[f"T{name[1:]}"] == 1 << group for name, group in groups.items())

@@ -17,22 +17,47 @@ struct alignas(64) Packet {
 };
 static_assert(sizeof(RTCRayHitNt<8>) == sizeof(RTCRayHit8) && sizeof(RTCRayHitNt<16>) == sizeof(RTCRayHit16));
 
+/// Embree hands the context of a query to its filter: what follows it there is ours.
+template <class EmbreeContext>
+struct Context {
+    EmbreeContext embree;
+    const scene::ObjectView* objects;
+};
+
+/// Refuses hits of objects that do not block for the ray's emitter.
+template <class EmbreeContext>
+void keep_blockers(const RTCFilterFunctionNArguments* args) {
+    const scene::ObjectView* objects = reinterpret_cast<const Context<EmbreeContext>*>(args->context)->objects;
+    for (unsigned k = 0; k < args->N; ++k) {
+        if (args->valid[k] == 0) continue;
+        const int32_t group = scene::blocker_group(RTCRayN_mask(args->ray, args->N, k));
+        const unsigned instance = RTCHitN_instID(args->hit, args->N, k, 0);
+        const unsigned object = instance != RTC_INVALID_GEOMETRY_ID ? instance : RTCHitN_geomID(args->hit, args->N, k);
+        if (group >= 0 && !(objects[object].blocks >> group & 1)) args->valid[k] = 0;
+    }
+}
+
 // The bridge: Embree 3 takes a context, Embree 4 arguments that point to one.
 #if RTC_VERSION_MAJOR >= 4
 struct Query {
-    RTCRayQueryContext context;
+    Context<RTCRayQueryContext> context;
     RTCIntersectArguments intersect;
     RTCOccludedArguments occluded;
 };
-TALBOT_INLINE void prepare(Query& query, bool coherent) {
-    rtcInitRayQueryContext(&query.context);
-    const RTCRayQueryFlags flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+TALBOT_INLINE void prepare(Query& query, const TraceOptions& options) {
+    rtcInitRayQueryContext(&query.context.embree);
+    query.context.objects = options.objects;
+    const int coherent = options.coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+    const auto flags = RTCRayQueryFlags(options.objects ? coherent | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER : coherent);
+    const RTCFilterFunctionN filter = options.objects ? keep_blockers<RTCRayQueryContext> : nullptr;
     rtcInitIntersectArguments(&query.intersect);
     query.intersect.flags = flags;
-    query.intersect.context = &query.context;
+    query.intersect.filter = filter;
+    query.intersect.context = &query.context.embree;
     rtcInitOccludedArguments(&query.occluded);
     query.occluded.flags = flags;
-    query.occluded.context = &query.context;
+    query.occluded.filter = filter;
+    query.occluded.context = &query.context.embree;
 }
 TALBOT_INLINE void call_intersect(RTCScene scene, Query& query, const int*, Packet<1>& p) {
     rtcIntersect1(scene, reinterpret_cast<RTCRayHit*>(&p), &query.intersect);
@@ -54,29 +79,31 @@ TALBOT_INLINE void call_occluded(RTCScene scene, Query& query, const int* valid,
 }
 #else
 struct Query {
-    RTCIntersectContext context;
+    Context<RTCIntersectContext> context;
 };
-TALBOT_INLINE void prepare(Query& query, bool coherent) {
-    rtcInitIntersectContext(&query.context);
-    query.context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+TALBOT_INLINE void prepare(Query& query, const TraceOptions& options) {
+    rtcInitIntersectContext(&query.context.embree);
+    query.context.objects = options.objects;
+    query.context.embree.flags = options.coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    query.context.embree.filter = options.objects ? keep_blockers<RTCIntersectContext> : nullptr;
 }
 TALBOT_INLINE void call_intersect(RTCScene scene, Query& query, const int*, Packet<1>& p) {
-    rtcIntersect1(scene, &query.context, reinterpret_cast<RTCRayHit*>(&p));
+    rtcIntersect1(scene, &query.context.embree, reinterpret_cast<RTCRayHit*>(&p));
 }
 TALBOT_INLINE void call_intersect(RTCScene scene, Query& query, const int* valid, Packet<8>& p) {
-    rtcIntersect8(valid, scene, &query.context, reinterpret_cast<RTCRayHit8*>(&p));
+    rtcIntersect8(valid, scene, &query.context.embree, reinterpret_cast<RTCRayHit8*>(&p));
 }
 TALBOT_INLINE void call_intersect(RTCScene scene, Query& query, const int* valid, Packet<16>& p) {
-    rtcIntersect16(valid, scene, &query.context, reinterpret_cast<RTCRayHit16*>(&p));
+    rtcIntersect16(valid, scene, &query.context.embree, reinterpret_cast<RTCRayHit16*>(&p));
 }
 TALBOT_INLINE void call_occluded(RTCScene scene, Query& query, const int*, Packet<1>& p) {
-    rtcOccluded1(scene, &query.context, reinterpret_cast<RTCRay*>(&p));
+    rtcOccluded1(scene, &query.context.embree, reinterpret_cast<RTCRay*>(&p));
 }
 TALBOT_INLINE void call_occluded(RTCScene scene, Query& query, const int* valid, Packet<8>& p) {
-    rtcOccluded8(valid, scene, &query.context, reinterpret_cast<RTCRay8*>(&p));
+    rtcOccluded8(valid, scene, &query.context.embree, reinterpret_cast<RTCRay8*>(&p));
 }
 TALBOT_INLINE void call_occluded(RTCScene scene, Query& query, const int* valid, Packet<16>& p) {
-    rtcOccluded16(valid, scene, &query.context, reinterpret_cast<RTCRay16*>(&p));
+    rtcOccluded16(valid, scene, &query.context.embree, reinterpret_cast<RTCRay16*>(&p));
 }
 #endif
 
@@ -166,7 +193,7 @@ void intersect(const Accelerator& accelerator, const RayColumns& rays, const int
         return;
     }
     Query query;
-    prepare(query, options.coherent);
+    prepare(query, options);
     if (options.width >= 16)
         intersect_packets<16>(scene, query, rays, index, n, visibility, hits);
     else if (options.width >= 8)
@@ -183,7 +210,7 @@ void occluded(const Accelerator& accelerator, const RayColumns& rays, const int3
         return;
     }
     Query query;
-    prepare(query, options.coherent);
+    prepare(query, options);
     if (options.width >= 16)
         occluded_packets<16>(scene, query, rays, index, n, visibility, occluded);
     else if (options.width >= 8)

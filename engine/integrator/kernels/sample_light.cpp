@@ -87,7 +87,9 @@ void push_shadow_rays(const RenderContext& context, Worker& worker, int count) {
         const int k = first + j;
         queue.visibility[k] = s.light.blockers[s.list[j]];
         if (queue.visibility[k] == 0) queue.t_max[k] = -1.0f;
-        if (worker.catcher_pass) queue.visibility[k] = scene::kVisibleShadow << light::kCatcherShift;
+        // Among the catchers.
+        if (worker.catcher_pass)
+            queue.visibility[k] = int32_t(scene::kVisibleShadow << light::kCatcherShift | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
         queue.indirect[k] = total_bounces(queue.bounces[k]) > 0;
     }
     if (!context.layout->light_passes) return;

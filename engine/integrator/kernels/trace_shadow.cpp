@@ -7,6 +7,12 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
+geometry::TraceOptions trace_options(const RenderContext& context) {
+    geometry::TraceOptions options = context.shadow_trace;
+    options.objects = context.scene->has_blockers ? context.scene->objects : nullptr;
+    return options;
+}
+
 /// Multiplies rgb of queue entries list[0..n) by the transparency of the surfaces they just hit, which share a program; moves the rays behind them.
 /// Entries that go on are kept in place at the front of list; returns their number.
 int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, int n, const shader::CompiledShader& compiled) {
@@ -69,23 +75,19 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
     return alive;
 }
 
-/// What shadow rays ask for unless their light has blockers of its own.
-int32_t plain_visibility(const Worker& worker) {
-    return worker.catcher_pass ? scene::kVisibleShadow << light::kCatcherShift : scene::kVisibleShadow;
-}
-
 void trace_transparent(const RenderContext& context, Worker& worker) {
     ShadowQueue& queue = worker.shadow;
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
-    const int32_t plain = plain_visibility(worker);
+    const uint32_t transparent = worker.catcher_pass ? kShadowTransparent << light::kCatcherShift : kShadowTransparent;
+    const geometry::TraceOptions options = trace_options(context);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
-        if (queue.visibility[k] == plain) queue.visibility[k] = worker.catcher_pass ? kShadowTransparent << light::kCatcherShift : kShadowTransparent;
+        queue.visibility[k] = int32_t(transparent | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
         queue.list[n] = k;
         n += !queue.blocked[k] && queue.t_max[k] > 0.0f;
     }
     while (n > 0) {
-        geometry::intersect(*context.accelerator, rays, queue.list, n, queue.visibility, queue.hit, context.shadow_trace);
+        geometry::intersect(*context.accelerator, rays, queue.list, n, queue.visibility, queue.hit, options);
         worker.counters.shadow_rays += uint64_t(n);
         int hits = 0;
         for (int i = 0; i < n; ++i) {
@@ -156,17 +158,16 @@ void add_unblocked(const RenderContext& context, Worker& worker, film::TileFilm&
 void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& tile) {
     ShadowQueue& queue = worker.shadow;
     if (queue.n == 0) return;
-    const int32_t plain = plain_visibility(worker);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
         queue.blocked[k] = 0;
         queue.list[n] = k;
-        // Blocker groups do not tell opaque casters from others: surface by surface then.
-        n += queue.t_max[k] > 0.0f && (queue.visibility[k] == plain || !context.has_transparent_shadows);
+        n += queue.t_max[k] > 0.0f;
     }
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
-    if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, context.shadow_trace);
-    geometry::occluded(*context.accelerator, rays, queue.list, n, queue.visibility, queue.blocked, context.shadow_trace);
+    const geometry::TraceOptions options = trace_options(context);
+    if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, options);
+    geometry::occluded(*context.accelerator, rays, queue.list, n, queue.visibility, queue.blocked, options);
     worker.counters.shadow_rays += uint64_t(n);
     if (context.has_transparent_shadows) trace_transparent(context, worker);
     add_unblocked(context, worker, tile);

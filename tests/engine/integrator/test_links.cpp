@@ -86,7 +86,7 @@ TEST(Links, LampsAndMeshesAreAsIfAlone) {
                           shader);
         scene.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera | scene::kVisibleShadow);
         scene.objects.back().linking = scene::Handle(scene.linkings.size());
-        scene.linkings.push_back({receivers, scene::kVisibleShadow});
+        scene.linkings.push_back({receivers, -1});
     };
     for (const bool sampled : {true, false}) {
         scene::Scene left = two_floors(1), right = two_floors(1), both = two_floors(1);
@@ -121,11 +121,11 @@ TEST(Links, ShadowsOfChosenBlockersOnly) {
         EXPECT_NEAR(render(covered).left, part * whole, 0.01 * whole) << glass;
 
         scene::Scene linked = covered;
-        linked.lights[0].linking.blockers = scene::kBlocker << 3;
+        linked.lights[0].linking.blockers = 40;
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "none of the objects blocks";
-        linked.objects.back().visibility |= scene::kBlocker << 2;
+        linked.objects.back().blocks |= uint64_t(1) << 39;
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "another group";
-        linked.objects.back().visibility |= scene::kBlocker << 3;
+        linked.objects.back().blocks |= uint64_t(1) << 40;
         EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
     }
 }
@@ -141,7 +141,7 @@ TEST(Links, EmissiveMeshesHaveBlockersToo) {
     linked.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
     EXPECT_EQ(render(linked).left, 0);
     linked.objects[2].linking = 0;
-    linked.linkings = {{~uint64_t(0), scene::kBlocker}};
+    linked.linkings = {{~uint64_t(0), 0}};
     EXPECT_NEAR(render(linked).left / render(open).left, 1, 0.02);
 }
 

@@ -93,12 +93,12 @@ TEST(Links, OwnBlockersLeaveAllToTheSamples) {
     Fixture f;
     f.add_light(LightType::Point, 10, {0, 0, 1}).radius = 0.2f;
     f.scene.lights[0].soft_falloff = false;
-    f.scene.lights[0].linking.blockers = scene::kBlocker << 4;
+    f.scene.lights[0].linking.blockers = 40;
     f.build();
     sample_many(f, Stratum::Local, {}, 64, [&](const Samples& s, int n) {
         for (int i = 0; i < n; ++i) {
             EXPECT_TRUE(s.is_delta[i]);
-            EXPECT_EQ(s.blockers[i], int32_t(scene::kBlocker << 4));
+            EXPECT_EQ(scene::blocker_group(uint32_t(s.blockers[i])), 40);
         }
     });
     EXPECT_TRUE(std::isinf(meet(f, {}, {0, 0, 1}).pdf));

@@ -93,7 +93,8 @@ Scene make_scene() {
     object.dupli_uv = {4, 5};
     object.linking = 0;
     object.receiver_set = 63;
-    scene.linkings = {{5, kBlocker << 16}};
+    object.blocks = uint64_t(1) << 63;
+    scene.linkings = {{5, 63}};
     object.is_instance = object.is_holdout = object.is_shadow_catcher = true;
     object.shadow_terminator_shading_offset = 0.3f;
     object.shadow_terminator_geometry_offset = 0.4f;
@@ -117,7 +118,7 @@ Scene make_scene() {
     light.max_bounces = 5;
     light.light_group = 2;
     light.random = 9;
-    light.linking = {6, kBlocker};
+    light.linking = {6, 17};
     light.is_shadow_catcher = false;
     scene.lights = {light};
 
@@ -225,10 +226,11 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.objects[0].shadow_terminator_geometry_offset, 0.4f);
     EXPECT_EQ(loaded.lights[0].random, 9u);
     EXPECT_EQ(loaded.lights[0].linking.receivers, 6u);
-    EXPECT_EQ(loaded.lights[0].linking.blockers, uint32_t(kBlocker));
+    EXPECT_EQ(loaded.lights[0].linking.blockers, 17);
     EXPECT_FALSE(loaded.lights[0].is_shadow_catcher);
     EXPECT_EQ(loaded.objects[0].linking, 0);
     EXPECT_EQ(loaded.objects[0].receiver_set, 63);
+    EXPECT_EQ(loaded.objects[0].blocks, uint64_t(1) << 63);
     EXPECT_EQ(loaded.linkings[0].receivers, 5u);
     EXPECT_EQ(std::get<std::string>(loaded.shaders[0].graph.nodes[1].properties.at("distribution")), "GGX");
     EXPECT_EQ(std::get<std::vector<float>>(loaded.shaders[0].graph.nodes[1].properties.at("ramp")).size(), 3u);
@@ -250,7 +252,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
     EXPECT_EQ(sizeof(Mesh), 712u);
     EXPECT_EQ(sizeof(Subdivision), 208u);
-    EXPECT_EQ(sizeof(Object), 132u);
+    EXPECT_EQ(sizeof(Object), 144u);
     EXPECT_EQ(sizeof(Linking), 16u);
     EXPECT_EQ(sizeof(Motion), 104u);
     EXPECT_EQ(sizeof(NodeInput), 96u);
