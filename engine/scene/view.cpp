@@ -79,6 +79,51 @@ MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* a
     return out;
 }
 
+namespace {
+
+/// Whether it scales alike in all directions: then normals may be interpolated before or after it.
+bool keeps_angles(const Affine& map) {
+    const auto column = [&](int j) { return Vec3{map.m[0][j], map.m[1][j], map.m[2][j]}; };
+    const Vec3 x = column(0), y = column(1), z = column(2);
+    const float xx = dot(x, x), tolerance = 1e-4f * xx;
+    return std::abs(dot(y, y) - xx) <= tolerance && std::abs(dot(z, z) - xx) <= tolerance && std::abs(dot(x, y)) <= tolerance &&
+           std::abs(dot(y, z)) <= tolerance && std::abs(dot(z, x)) <= tolerance;
+}
+
+/// The normals with lengths that the map of normals makes equal: sums of them then are sums of unit normals beyond the map.
+const Vec3* map_lengths(const std::vector<Vec3>& normals, const Affine& to_object, SceneTables& tables) {
+    if (normals.empty()) return nullptr;
+    std::vector<Vec3>& out = tables.mapped_normals.emplace_back(normals.size());
+    for (size_t i = 0; i < normals.size(); ++i) {
+        const Vec3 mapped = transform_normal(to_object, normals[i]);
+        const float length2 = dot(mapped, mapped);
+        out[i] = length2 > 0 ? normals[i] * (1.0f / std::sqrt(length2)) : normals[i];
+    }
+    return out.data();
+}
+
+void map_normals(const Scene& scene, SceneTables& tables) {
+    tables.mapped_normals.clear();
+    if (scene.settings.viewport) return;
+    std::vector<int> users(tables.meshes.size(), 0);
+    for (const ObjectView& object : tables.objects)
+        if (object.mesh >= 0 && object.visibility != 0) ++users[size_t(object.mesh)];
+    for (const ObjectView& object : tables.objects) {
+        if (object.mesh < 0 || object.visibility == 0 || users[size_t(object.mesh)] != 1 || object.motion_steps > 0 || keeps_angles(object.to_world)) continue;
+        const Mesh& mesh = *scene.meshes[size_t(object.mesh)];
+        MeshView& view = tables.meshes[size_t(object.mesh)];
+        if (mesh.kind != GeometryKind::Triangles || (!view.corner_normals && !view.vertex_normals)) continue;
+        view.has_mapped_normals = true;
+        if (view.corner_normals)
+            view.corner_normals = map_lengths(mesh.corner_normals, object.to_object, tables);
+        else
+            view.vertex_normals = map_lengths(mesh.vertex_normals, object.to_object, tables);
+        view.motion_normals = map_lengths(mesh.motion_normals, object.to_object, tables);
+    }
+}
+
+}  // namespace
+
 bool has_blockers(const Scene& scene) {
     return std::any_of(scene.linkings.begin(), scene.linkings.end(), [](const Linking& linking) { return linking.blockers >= 0; }) ||
            std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.linking.blockers >= 0; });
@@ -150,6 +195,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         if (object.attribute_set >= 0 && size_t(object.attribute_set) < sets) out.attributes = row(meshes + size_t(object.attribute_set));
     }
 
+    map_normals(scene, tables);
     tables.view.objects = data_or_null(tables.objects);
     tables.view.object_count = int32_t(tables.objects.size());
     tables.view.meshes = data_or_null(tables.meshes);

@@ -72,6 +72,7 @@ struct MeshView {
     uint32_t position_count = 0, normal_count = 0;  ///< of a motion step
     const Vec3* motion_positions = nullptr;         ///< null: the shape stays
     const Vec3* motion_normals = nullptr;
+    bool has_mapped_normals = false;  ///< normals are not unit: the map of the only object makes their lengths equal, see make_scene_view
     GeometryKind kind = GeometryKind::Triangles;
     CurveShape curve_shape = CurveShape::Ribbon;
     int32_t ribbon_pieces = 1;  ///< straight pieces that the tracer makes of a ribbon's segment
@@ -126,6 +127,7 @@ struct SceneTables {
     std::vector<MeshView> meshes;
     std::vector<AttributeView> attributes;
     std::vector<int32_t> material_slots;
+    std::vector<std::vector<Vec3>> mapped_normals;        ///< instead of the meshes' own
     std::vector<std::string> attribute_names;             ///< index = AttributeId; the compiler adds the names that shaders ask for
     std::vector<std::shared_ptr<const Mesh>> keep_alive;  ///< by mesh handle, like `meshes`; null where the mesh was removed
     AttributeId attribute_id(const std::string& name);    ///< interns
@@ -138,6 +140,8 @@ MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* a
 bool has_blockers(const Scene& scene);
 
 /// `default_shader`: handle of the shader that stands for missing materials.
+/// In final renders a mesh with one user that stands still has its normals interpolated after the map of the object, all others before, as in Cycles, which
+/// takes such meshes to world space first.
 /// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables);
 

@@ -252,3 +252,26 @@ def new_geometry_group(name: str) -> tuple[Any, Any, Any]:
         else:
             (group.inputs if way == "INPUT" else group.outputs).new("NodeSocketGeometry", "Geometry")
     return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+
+
+def open_shutter(scene: Any, length: float = 1.0, position: str = "CENTER") -> None:
+    """Motion blur; its position is Cycles' own property until 4.1."""
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, length
+    owner = scene.render if hasattr(scene.render, "motion_blur_position") else scene.cycles
+    owner.motion_blur_position = position
+
+
+def animate(owner: Any, path: str, *keys: tuple[int, Any]) -> None:
+    """Keyframes of a property."""
+    for frame, value in keys:
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def set_custom_normals(obj: Any) -> None:
+    """Normals that lean to one side."""
+    mesh = obj.data
+    if hasattr(mesh, "use_auto_smooth"):
+        mesh.use_auto_smooth = True
+    normals = [(v.co.normalized() + 0.6 * v.co.normalized().orthogonal()).normalized() for v in mesh.vertices]
+    mesh.normals_split_custom_set_from_vertices([tuple(normal) for normal in normals])

@@ -10,7 +10,18 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
-from pair_scenes import add_box, add_lamp, add_object, add_plane, diffuse, glow, look_at, set_world
+from pair_scenes import (
+    add_box,
+    add_lamp,
+    add_object,
+    add_plane,
+    animate,
+    diffuse,
+    glow,
+    look_at,
+    open_shutter,
+    set_world,
+)
 from pairs import Bounds, agree
 
 FRAME = 5
@@ -25,20 +36,6 @@ def stage(scene: Any) -> Any:
     add_plane(diffuse(0.6), 6.0)
     open_shutter(scene)
     return add_box(diffuse((0.8, 0.4, 0.2)), location=(0, 0, 0.6))
-
-
-def open_shutter(scene: Any, length: float = 1.0, position: str = "CENTER") -> None:
-    """Motion blur; its position is Cycles' own property until 4.1."""
-    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, length
-    owner = scene.render if hasattr(scene.render, "motion_blur_position") else scene.cycles
-    owner.motion_blur_position = position
-
-
-def animate(owner: Any, path: str, *keys: tuple[int, Any]) -> None:
-    """Keyframes of a property."""
-    for frame, value in keys:
-        setattr(owner, path, value)
-        owner.keyframe_insert(path, frame=frame)
 
 
 def fly(obj: Any) -> None:
@@ -81,6 +78,19 @@ def deform(scene: Any, box: Any) -> None:
     for point in key.data:
         point.co = point.co * 1.8 + Vector((0.4, 0, 0.3))
     animate(key, "value", (4, 0.0), (6, 1.0))
+
+
+def flip(scene: Any, box: Any) -> None:
+    """Mirrored, with smooth normals, while its shape changes."""
+    box.scale = (-1.0, 1.0, 0.8)
+    box.data.polygons.foreach_set("use_smooth", [True] * 6)
+    deform(scene, box)
+
+
+def bulge(scene: Any, box: Any) -> None:
+    """Smooth normals of a shape that changes, alike in all directions."""
+    box.data.polygons.foreach_set("use_smooth", [True] * 6)
+    deform(scene, box)
 
 
 def roll(scene: Any, box: Any) -> None:
@@ -138,7 +148,10 @@ def orthographic(scene: Any, box: Any) -> None:
     move_camera(scene, box)
 
 
-MOVES: Sequence[Callable[[Any, Any], None]] = (
+UNIT_NORMALS = pytest.mark.skipif(
+    bpy.app.version < (3, 6, 0), reason="Cycles interpolates normals of what deforms and leaves them shorter than one"
+)
+MOVES: Sequence[Any] = (
     move_object,
     move_from_start,
     move_to_end,
@@ -146,6 +159,8 @@ MOVES: Sequence[Callable[[Any, Any], None]] = (
     move_camera,
     zoom,
     deform,
+    pytest.param(flip, marks=UNIT_NORMALS),
+    pytest.param(bulge, marks=UNIT_NORMALS),
     roll,
     switched_off,
     velocities,

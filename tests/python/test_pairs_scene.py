@@ -24,6 +24,7 @@ from pair_scenes import (
     look_down,
     material,
     new_geometry_group,
+    set_custom_normals,
     set_world,
     sphere_shape,
 )
@@ -44,15 +45,6 @@ def shade_auto(obj: Any, angle: float) -> None:
         mesh.use_auto_smooth, mesh.auto_smooth_angle = True, angle
     else:
         mesh.set_sharp_from_angle(angle=angle)
-
-
-def set_custom_normals(obj: Any) -> None:
-    """Normals that lean to one side."""
-    mesh = obj.data
-    if hasattr(mesh, "use_auto_smooth"):
-        mesh.use_auto_smooth = True
-    normals = [(v.co.normalized() + 0.6 * v.co.normalized().orthogonal()).normalized() for v in mesh.vertices]
-    mesh.normals_split_custom_set_from_vertices([tuple(normal) for normal in normals])
 
 
 def test_no_material(pair_scene: Any, tmp_path: Path) -> None:

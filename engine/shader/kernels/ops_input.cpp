@@ -378,6 +378,11 @@ void op_generated(const Instruction& i, Registers r, int n, const OpScope& s) {
     pad(r, 3, s.span.n, n);
 }
 
+/// As the mesh has it, unit.
+TALBOT_INLINE Vec3 own_normal(const scene::MeshView& mesh, Vec3 n) {
+    return mesh.has_mapped_normals ? normalize(n) : n;
+}
+
 void op_vertex_normal(Registers r, int n, const OpScope& s) {
     for (int k = 0; k < s.span.n; ++k) {
         Vec3 normal{0, 0, 1};
@@ -391,9 +396,11 @@ void op_vertex_normal(Registers r, int n, const OpScope& s) {
             const bool smooth = !mesh->triangle_smooth || mesh->triangle_smooth[primitive];
             if (smooth && mesh->corner_normals) {
                 const Triangle c = corners_of(mesh->triangle_corners, primitive);
-                normal = mesh->corner_normals[c.a] * w + mesh->corner_normals[c.b] * u + mesh->corner_normals[c.c] * v;
+                normal = own_normal(*mesh, mesh->corner_normals[c.a]) * w + own_normal(*mesh, mesh->corner_normals[c.b]) * u +
+                         own_normal(*mesh, mesh->corner_normals[c.c]) * v;
             } else if (smooth && mesh->vertex_normals) {
-                normal = mesh->vertex_normals[t.a] * w + mesh->vertex_normals[t.b] * u + mesh->vertex_normals[t.c] * v;
+                normal = own_normal(*mesh, mesh->vertex_normals[t.a]) * w + own_normal(*mesh, mesh->vertex_normals[t.b]) * u +
+                         own_normal(*mesh, mesh->vertex_normals[t.c]) * v;
             } else {
                 const Vec3 a = mesh->positions[t.a];
                 normal = normalize(cross(mesh->positions[t.b] - a, mesh->positions[t.c] - a));
