@@ -34,24 +34,19 @@ void compile_holdout(NodeContext& n, Value3 weight) {
 
 void compile_velvet(NodeContext& n, Value3 weight) {
     ClosureMaker m(n);
-    n.closure(ClosureType::AshikhminVelvet, LobeKind::Diffuse, n.e.mul(weight, m.color("Color")), m.diffuse_normal(n.normal()), {m.factor("Sigma", 1)});
+    n.closure(ClosureType::AshikhminVelvet, LobeKind::Glossy, n.e.mul(weight, m.color("Color")), m.diffuse_normal(n.normal()), {m.factor("Sigma", 1)});
 }
 void compile_sheen(NodeContext& n, Value3 weight) {
     ClosureMaker m(n);
     const bool microfiber = n.choice("distribution", {"MICROFIBER", "ASHIKHMIN"}) == 0;
-    n.closure(microfiber ? ClosureType::SheenLtc : ClosureType::AshikhminVelvet, LobeKind::Diffuse, n.e.mul(weight, m.color("Color")), n.normal(),
-              {m.factor("Roughness", 0.5f)});
+    n.closure(microfiber ? ClosureType::SheenLtc : ClosureType::AshikhminVelvet, microfiber ? LobeKind::Diffuse : LobeKind::Glossy,
+              n.e.mul(weight, m.color("Color")), n.normal(), {m.factor("Roughness", 0.5f)});
 }
 void compile_toon(NodeContext& n, Value3 weight) {
     ClosureMaker m(n);
     const bool glossy = n.choice("component", {"DIFFUSE", "GLOSSY"}) == 1;
-    const Value3 w = n.e.mul(weight, m.color("Color")), normal = n.normal();
-    const std::vector<Value> params{m.factor("Size", 0.5f), m.factor("Smooth")};
-    if (glossy) {
-        n.closure(ClosureType::GlossyToon, LobeKind::Glossy, w, m.glossy_normal(normal), params);
-    } else {
-        n.closure(ClosureType::DiffuseToon, LobeKind::Diffuse, w, m.diffuse_normal(normal), params);
-    }
+    n.closure(glossy ? ClosureType::GlossyToon : ClosureType::DiffuseToon, glossy ? LobeKind::Glossy : LobeKind::Diffuse, n.e.mul(weight, m.color("Color")),
+              m.diffuse_normal(n.normal()), {m.factor("Size", 0.5f), m.factor("Smooth")});
 }
 
 // What is not supported yet looks as close as the closures that exist allow, and says so.

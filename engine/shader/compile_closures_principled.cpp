@@ -53,8 +53,8 @@ struct Layers : ClosureMaker {
         const auto width = isotropic(n.value("Coat Roughness", 0.03f), bent);
         const Value index = e.max(n.value("Coat IOR", 1.5f), 1.0f);
         const Value layer =
-            op(ClosureOp::Coat, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, width.ax, index, e.literal(n.semantics.coat_as_mirror ? 1.0f : 0.0f)}, 2);
-        reflection(e.mul(weight, amount), bent, width, FresnelKind::Dielectric, {index});
+            op(ClosureOp::Coat, {bent.x, bent.y, bent.z, wo.x, wo.y, wo.z, width.ax, index, e.literal(n.semantics.coat_as_mirror ? 1.0f : 0.0f)}, 3);
+        reflection(e.mul(weight, e.mul(amount, e.after(layer, 2))), bent, width, FresnelKind::Dielectric, {index});
         weight = below(weight, e.spread(e.mul(layer, amount)));
         const Value3 tint = color("Coat Tint");
         if (e.is(tint.x, 1) && e.is(tint.y, 1) && e.is(tint.z, 1)) return;
@@ -113,7 +113,7 @@ struct Layers : ClosureMaker {
         const Value3 tint = color("Specular Tint"), wo = n.incoming();
         const Value s =
             op(ClosureOp::Specular,
-               {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, ior, n.value("Specular IOR Level", 0.5f), tint.x, tint.y, tint.z}, 8);
+               {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, ior, n.value("Specular IOR Level", 0.5f), tint.x, tint.y, tint.z}, 10);
         const Value3 f0 = e.triple(e.after(s, 1));
         Value3 albedo = e.triple(e.after(s, 4));
         if (film.exists) {
@@ -123,16 +123,16 @@ struct Layers : ClosureMaker {
         }
         Value3 gain = white(), layer = albedo;
         if (multi) {
-            gain = reflect_energy(glossy, width, e.spread(e.after(s, 7)));
-            layer = e.mul(albedo, specular_energy(width, e.after(s, 7)));
+            gain = reflect_energy(glossy, width, e.triple(e.after(s, 7)));
+            layer = e.mul(albedo, specular_energy(width, e.triple(e.after(s, 7))));
         }
         reflection(e.mul(weight, gain), glossy, width, FresnelKind::Schlick, {s, f0.x, f0.y, f0.z}, false, false, film);
         weight = below(weight, layer);
     }
     /// Share of the compensated lobe that the estimate above, which loses nothing between the facets, has to be reduced to.
-    Value3 specular_energy(const Width& width, Value mean) {
+    Value3 specular_energy(const Width& width, Value3 mean) {
         const Value3 wo = n.incoming();
-        return op3(ClosureOp::EnergyShare, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, mean, mean, mean, e.literal(0)});
+        return op3(ClosureOp::EnergyShare, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, width.ax, width.ay, mean.x, mean.y, mean.z, e.literal(0)});
     }
 
     void body() {

@@ -16,9 +16,9 @@ enum class ClosureOp : uint8_t {
     EnergyShare,         ///< the same -> what single and multiple scattering leave, E + Fms (1 - E), rgb
     EnergyGlass,         ///< n, wo, alpha, ior, mean reflectance rgb, old -> factor rgb
     F82,                 ///< F0 rgb, tint rgb -> B rgb, mean reflectance rgb
-    ConductorMean,       ///< n rgb, k rgb -> mean reflectance rgb
-    Specular,            ///< n, wo, alpha_x, alpha_y, ior, level, tint rgb -> index of the curve, F0 rgb, albedo rgb, mean reflectance
-    Coat,                ///< n, wo, alpha, ior, whether as smooth -> albedo, path length through the coat
+    ConductorMean,       ///< n rgb, k rgb, approximate -> mean reflectance rgb
+    Specular,            ///< n, wo, alpha_x, alpha_y, ior, level, tint rgb -> index of the curve, F0 rgb, albedo rgb, mean reflectance rgb
+    Coat,                ///< n, wo, alpha, ior, before 4.5 -> albedo, path length through the coat, factor for several bounces
     ThinPane,            ///< n, wo, alpha, ior, colour of one passage rgb, tint of reflections rgb -> reflected rgb, transmitted rgb, alpha of transmission
     SheenAlbedo,         ///< n, wo, roughness -> albedo
     FresnelAt,           ///< n, wo, ior -> dielectric reflectance for the whole surface

@@ -17,15 +17,17 @@ struct Semantics {
     bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
     bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
     bool film_fitted = false;              ///< thin films have the colours of a fit of the observer, and fade out below 30 nm (before 5.0)
+    bool conductor_approximate = false;    ///< conductors reflect as if light went straight down inside them (before 5.0)
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
-    bool coat_as_mirror = false;           ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is (before 4.5)
-    bool principled_v1 = false;            ///< Principled BSDF of the first generation (before 4.0)
-    bool glass_as_two_lobes = false;       ///< Glass is a reflection and a refraction, divided by the reflectance of the whole surface (before 4.0)
-    bool energy_by_root = false;           ///< of light among facets the root of the mean share escapes at each bounce (before 4.0)
-    bool diffuse_normals_bend = false;     ///< diffuse closures bend their normals for reflections as the glossy ones do (before 4.0)
-    bool diffuse_bounces_once = false;     ///< rough Diffuse lacks the term for several bounces (before 4.3)
-    bool hair_tilts_light = false;         ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
-    bool hair_section_faces_up = true;     ///< elliptic hair without normals of its own has its long axis towards the world's z (5.2; anywhere in 5.0)
+    bool coat_as_mirror =
+        false;  ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is, whose facets lose light among them (before 4.5)
+    bool principled_v1 = false;         ///< Principled BSDF of the first generation (before 4.0)
+    bool glass_as_two_lobes = false;    ///< Glass is a reflection and a refraction, divided by the reflectance of the whole surface (before 4.0)
+    bool energy_by_root = false;        ///< of light among facets the root of the mean share escapes at each bounce (before 4.0)
+    bool diffuse_normals_bend = false;  ///< diffuse closures bend their normals for reflections as the glossy ones do (before 4.0)
+    bool diffuse_bounces_once = false;  ///< rough Diffuse lacks the term for several bounces (before 4.3)
+    bool hair_tilts_light = false;      ///< the cuticle's tilt turns the light's side of Chiang's hair, not the viewer's (before 4.2)
+    bool hair_section_faces_up = true;  ///< elliptic hair without normals of its own has its long axis towards the world's z (5.2; anywhere in 5.0)
     Rec709 rec709 = Rec709::Exact;
     Rec709 blackbody = Rec709::Exact;      ///< the fit of black bodies was made for rounded numbers; 5.2 converts it
     bool magic_wraps_scaled = true;        ///< Magic Texture takes coordinates modulo 2 pi after scaling them (from 5.1 or 5.2; tested in 5.0 and 5.2)
@@ -49,6 +51,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.bump_suits_reflections = version < 400;
     s.brick_clamps = version >= 402;
     s.film_fitted = version < 500;
+    s.conductor_approximate = version < 500;
     s.metal_has_film = version >= 500;
     s.coat_as_mirror = version < 405;
     s.principled_v1 = version < 400;

@@ -225,6 +225,21 @@ def atlas(scene: Any, builders: Sequence[Builder], across: int, shape: Callable[
     return [shape(material(build), location=place) for build, place in zip(builders, places, strict=True)]
 
 
+def floor_atlas(scene: Any, builders: Sequence[Builder], across: int, elevation: float) -> list[Any]:
+    """The squares of an atlas drawn out so that they are squares again for an orthographic camera that near the floor.
+
+    What lies in one plane neither shades nor mirrors its neighbours.
+    """
+    camera, stretch = look_down(scene, across), 1.0 / math.sin(elevation)
+    camera.location = (0, -200 * math.cos(elevation), 200 * math.sin(elevation))
+    camera.rotation_euler = (math.pi / 2 - elevation, 0, 0)
+    objects = []
+    for (x, y, z), build in zip(grid(len(builders), across), builders, strict=False):
+        objects.append(add_plane(material(build), location=(x, y * stretch, z)))
+        objects[-1].scale = (1.0, stretch, 1.0)
+    return objects
+
+
 def image_of(pixels: Any, name: str = "Pair", **values: Any) -> Any:
     """A generated image of an array (height, width, 4), bottom row first."""
     pixels = np.asarray(pixels, np.float32)

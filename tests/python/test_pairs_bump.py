@@ -13,8 +13,9 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from pair_scenes import Tree, add_plane, look_at, material, node_tree
+from pair_scenes import Builder, Tree, add_plane, find_input, look_at, material, node_tree
 from pairs import render, stacked
+from test_pairs_closures import OLD, node, principled, show_values
 
 
 def shown(tree: Tree, normal: Any) -> Any:
@@ -86,3 +87,47 @@ def test_panoramas(pair_scene: Any, tmp_path: Path, kind: str) -> None:
     owner.panorama_type = kind
     owner.fisheye_fov, owner.fisheye_lens = math.pi, 10.5
     assert np.percentile(errors(pair_scene, tmp_path / "pair.exr"), 95) < 0.02
+
+
+GLOSSY = "BsdfGlossy" if hasattr(bpy.types, "ShaderNodeBsdfGlossy") else "BsdfAnisotropic"
+CLOSURES: list[Builder] = [
+    *(node("BsdfDiffuse", Roughness=r) for r in (0.0, 0.7)),
+    *(node(GLOSSY, distribution=name, Roughness=0.5) for name in ("GGX", "ASHIKHMIN_SHIRLEY")),
+    node("BsdfAnisotropic", distribution="GGX", Roughness=0.5, Anisotropy=0.6),
+    node("BsdfGlass", distribution="GGX", Roughness=0.5),
+    *(node("BsdfToon", Size=0.5, Smooth=0.4, component=part) for part in ("DIFFUSE", "GLOSSY")),
+    principled(Roughness=0.5),
+    principled(Roughness=0.5, Metallic=1.0),
+    principled(Roughness=0.5, Transmission=1.0),
+    principled(Clearcoat=1.0, Clearcoat_Roughness=0.5),
+    principled(Sheen=1.0, Sheen_Roughness=0.3),
+]
+if OLD:
+    CLOSURES.append(node("BsdfVelvet", Sigma=1.0))
+else:  # Cycles 3.4 lights Beckmann's distribution from below bent normals
+    CLOSURES.append(node(GLOSSY, distribution="BECKMANN", Roughness=0.5))
+    CLOSURES.append(node("BsdfGlass", distribution="MULTI_GGX", Roughness=0.5))
+    CLOSURES += [node("BsdfSheen", distribution=name, Roughness=0.2) for name in ("MICROFIBER", "ASHIKHMIN")]
+
+
+def bent(build: Builder, degrees: float) -> Builder:
+    """The shader with all its normals turned away from the viewer."""
+
+    def make(tree: Tree) -> Any:
+        shader = build(tree)
+        turn = math.radians(degrees)
+        normal = tree("CombineXYZ", Y=math.sin(turn), Z=math.cos(turn))
+        for name in ("Normal", "Coat Normal", "Clearcoat Normal"):
+            if name in shader.inputs:
+                tree.set(find_input(shader, name), normal)
+        return shader
+
+    return make
+
+
+@pytest.mark.parametrize("degrees", [-15, 10, 24, 50])
+def test_closures_with_bent_normals(pair_scene: Any, tmp_path: Path, degrees: float) -> None:
+    """Seen from 5 and 25 degrees above the floor, so that some normals face away."""
+    builders = [bent(build, degrees) for build in CLOSURES]
+    pair_scene.render.resolution_x = pair_scene.render.resolution_y = 40
+    show_values(pair_scene, tmp_path, builders, 5)

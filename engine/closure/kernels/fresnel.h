@@ -47,10 +47,13 @@ TALBOT_INLINE float fresnel_f82_b(float f0, float tint) {
     return (f0 + (1.0f - f0) * kS5) * (7.0f / (kS5 * kS)) * (1.0f - tint);
 }
 
-/// Unpolarised reflectance of a conductor n + i k, one channel, seen from vacuum.
-TALBOT_INLINE float fresnel_conductor(float c, float n, float k) {
+/// Unpolarised reflectance of a conductor n + i k, one channel, seen from vacuum. approximate: 1 as for indices so large that light goes
+/// straight down inside (Blender before 5.0; [Pharr & Humphreys 2004, "Physically Based Rendering", 9.2]).
+TALBOT_INLINE float fresnel_conductor(float c, float n, float k, float approximate) {
     const float c2 = c * c, s2 = 1.0f - c2;
     const float n2 = n * n, k2 = k * k;
+    const float m2 = n2 + k2, both = 2.0f * n * c;
+    const float near_s = (m2 - both + c2) / maxf(m2 + both + c2, 1e-20f), near_p = (m2 * c2 - both + 1.0f) / (m2 * c2 + both + 1.0f);
     const float t0 = n2 - k2 - s2;
     const float a2b2 = safe_sqrt(t0 * t0 + 4.0f * n2 * k2);
     const float a = safe_sqrt(0.5f * (a2b2 + t0));
@@ -58,7 +61,7 @@ TALBOT_INLINE float fresnel_conductor(float c, float n, float k) {
     const float rs = (t1 - t2) / maxf(t1 + t2, 1e-20f);
     const float t3 = c2 * a2b2 + s2 * s2, t4 = t2 * s2;
     const float rp = rs * (t3 - t4) / maxf(t3 + t4, 1e-20f);
-    return saturate(0.5f * (rs + rp));
+    return saturate(0.5f * (approximate != 0.0f ? near_s + near_p : rs + rp));
 }
 
 }  // namespace TALBOT_ISA

@@ -22,13 +22,14 @@ inline constexpr float kDeltaPdf = 1e8f;
 /// The same for all lanes.
 struct LobeUniform {
     bool anisotropic = false;
-    float correction = 1;   ///< 1: soften the bump terminator
-    float old = 0;          ///< 1: Blender before 4.0
-    float polynomial = 0;   ///< 1: bump shadowing by the polynomial (before 4.5)
-    float bump_all = 1;     ///< 1: bump shadowing cuts glossy lobes too (5.0 and later)
-    float separable = 0;    ///< 1: separable shadowing (before 4.0)
-    float delta_limit = 0;  ///< alpha_x alpha_y at or below it: sharp
-    float film_fitted = 0;  ///< 1: thin films as before 5.0
+    float correction = 1;             ///< 1: soften the bump terminator
+    float old = 0;                    ///< 1: Blender before 4.0
+    float polynomial = 0;             ///< 1: bump shadowing by the polynomial (before 4.5)
+    float bump_all = 1;               ///< 1: bump shadowing cuts glossy lobes too (5.0 and later)
+    float separable = 0;              ///< 1: separable shadowing (before 4.0)
+    float delta_limit = 0;            ///< alpha_x alpha_y at or below it: sharp
+    float conductor_approximate = 0;  ///< 1: conductors as before 5.0
+    float film_fitted = 0;            ///< 1: thin films as before 5.0
 };
 
 TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropic, bool correlated) {
@@ -40,6 +41,7 @@ TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropi
     u.bump_all = g.version < 500 ? 0.0f : 1.0f;
     u.separable = correlated ? 0.0f : u.old;
     u.delta_limit = g.version < 400 ? 1e-7f : 2e-10f;
+    u.conductor_approximate = g.version < 500 ? 1.0f : 0.0f;
     u.film_fitted = g.version < 500 ? 1.0f : 0.0f;
     return u;
 }

@@ -43,10 +43,13 @@ struct F82Fresnel {
 };
 struct ConductorFresnel {
     Rgb n, k;
-    TALBOT_MEMBER static ConductorFresnel load(const float* const* p, int i, const LobeUniform&) {
-        return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}};
+    float approximate;
+    TALBOT_MEMBER static ConductorFresnel load(const float* const* p, int i, const LobeUniform& u) {
+        return {{p[0][i], p[1][i], p[2][i]}, {p[3][i], p[4][i], p[5][i]}, u.conductor_approximate};
     }
-    TALBOT_MEMBER Rgb at(float c) const { return {fresnel_conductor(c, n.x, k.x), fresnel_conductor(c, n.y, k.y), fresnel_conductor(c, n.z, k.z)}; }
+    TALBOT_MEMBER Rgb at(float c) const {
+        return {fresnel_conductor(c, n.x, k.x, approximate), fresnel_conductor(c, n.y, k.y, approximate), fresnel_conductor(c, n.z, k.z, approximate)};
+    }
     TALBOT_MEMBER Rgb over_lobe(float, float c) const { return at(c); }
 };
 

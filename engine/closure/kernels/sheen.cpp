@@ -11,7 +11,7 @@ namespace {
 
 /// [Ashikhmin, Premoze & Shirley 2000, "A Microfacet-based BRDF Generator"]: D = exp(-cot^2 / s^2) / (pi s^2 sin^4), V-cavity shadowing.
 struct VelvetLobe {
-    static constexpr bool kDiffuse = true, kTransmits = false;
+    static constexpr bool kDiffuse = false, kTransmits = false;
     float inv_s2;
     TALBOT_MEMBER static VelvetLobe load(const float* const* p, int i, const LobeUniform&) { return {1.0f / square(clampf(p[0][i], 0.01f, 100.0f))}; }
     TALBOT_MEMBER float value(const LobeLane& lane, Vec3 wi) const {
@@ -31,13 +31,12 @@ struct VelvetLobe {
         const Vec3 wi = cone_direction(lane.n, 1.0f, u, v, cosine);
         return {wi, vec3(value(lane, wi) * 2.0f * kPi), 0.5f * kInvPi, 1.0f, 0};
     }
-    TALBOT_MEMBER Rgb albedo(const LobeLane& lane) const { return vec3(0.05f + 0.3f * pow5(saturate(1.0f - dot(lane.n, lane.wo)))); }
+    TALBOT_MEMBER Rgb albedo(const LobeLane&) const { return vec3(1.0f); }
     TALBOT_MEMBER float roughness() const { return 1.0f; }
-    TALBOT_MEMBER static float pow5(float x) { return square(square(x)) * x; }
 };
 
 /// A cosine lobe under a linear map [Heitz et al. 2016, "Real-Time Polygonal-Light Shading with Linearly Transformed Cosines"] whose
-/// three numbers depend on viewing angle and roughness.
+/// three numbers depend on viewing angle and roughness. Where the normal turns away from the viewer (smooth rims) they are those of 90 degrees.
 struct SheenLtcLobe {
     static constexpr bool kDiffuse = true, kTransmits = false;
     float rough;
@@ -50,14 +49,14 @@ struct SheenLtcLobe {
     }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi) const {
         const SheenTerms terms = sheen_terms(dot(lane.n, lane.wo), rough);
-        const float pdf = dot(lane.n, lane.wo) > 0.0f ? density(terms, to_local(frame(lane), wi)) : 0.0f;
+        const float pdf = density(terms, to_local(frame(lane), wi));
         return {vec3(pdf * terms.albedo), pdf};
     }
     TALBOT_MEMBER LobeSample sample(const LobeLane& lane, float u, float v, float) const {
         const SheenTerms terms = sheen_terms(dot(lane.n, lane.wo), rough);
         const Vec3 c = cosine_direction({0.0f, 0.0f, 1.0f}, u, v);
         const Vec3 w = normalize(Vec3{(c.x - terms.b * c.z) / terms.a, c.y / terms.a, c.z});
-        return {to_world(frame(lane), w), vec3(terms.albedo), density(terms, w), 1.0f, dot(lane.n, lane.wo) > 0.0f ? 0 : int32_t(kSampledFailed)};
+        return {to_world(frame(lane), w), vec3(terms.albedo), density(terms, w), 1.0f, 0};
     }
     TALBOT_MEMBER Rgb albedo(const LobeLane& lane) const { return vec3(sheen_terms(dot(lane.n, lane.wo), rough).albedo); }
     TALBOT_MEMBER float roughness() const { return 1.0f; }

@@ -11,10 +11,14 @@ template <bool glossy>
 struct ToonLobe {
     static constexpr bool kDiffuse = !glossy, kTransmits = false;
     float flat, rim, one_minus_cos;  ///< angles of the flat part and the rim's width; of the whole cap
-    TALBOT_MEMBER static ToonLobe load(const float* const* p, int i, const LobeUniform&) {
+    float least, edge;               ///< cosines: those below `least` count as it; only those above `edge` are lit
+    TALBOT_MEMBER static ToonLobe load(const float* const* p, int i, const LobeUniform& u) {
         const float flat = clampf(p[0][i], 1e-3f, 1.0f) * 0.5f * kPi, rim = saturate(p[1][i]) * 0.5f * kPi;
         const float half_sin = lane_sin(0.5f * minf(flat + rim, 0.5f * kPi));
-        return {flat, rim, 2.0f * half_sin * half_sin};
+        const float cap = 2.0f * half_sin * half_sin;
+        // Before 4.0 what is more than 90 degrees from the mirror direction is worth what is just 90 degrees from it.
+        const float old = glossy ? u.old : 0.0f;
+        return {flat, rim, cap, old - 1.0f, flat + rim > 0.5f * kPi ? minf(1.0f - cap, 1.0f - 2.0f * old) : 1.0f - cap};
     }
     TALBOT_MEMBER float density() const { return 1.0f / (2.0f * kPi * one_minus_cos); }
     TALBOT_MEMBER float shape(float cosine) const {
@@ -27,8 +31,8 @@ struct ToonLobe {
     }
     TALBOT_MEMBER static bool faces(const LobeLane& lane) { return !glossy || dot(lane.n, lane.wo) > 0.0f; }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi) const {
-        const float cosine = dot(axis(lane), wi);
-        const bool inside = (cosine > 1.0f - one_minus_cos) & (dot(lane.n, wi) >= 0.0f) & faces(lane);
+        const float cosine = maxf(dot(axis(lane), wi), least);
+        const bool inside = (cosine > edge) & (dot(lane.n, wi) >= 0.0f) & faces(lane);
         const float d = inside ? density() : 0.0f;
         return {vec3(d * shape(cosine)), d};
     }

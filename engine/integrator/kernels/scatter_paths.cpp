@@ -13,6 +13,7 @@ namespace {
 constexpr float kInfinity = 3.0e38f;
 
 /// Slot of each lane with probability slot_weight / weight_sum; -1 where nothing scatters. Its weight goes to tmp2, its LobeKind to list2.
+/// Velvet is of the glossy passes, but its bounces are diffuse, as in Cycles.
 void choose_slots(SpanScratch& s, const shader::Program& program) {
     const int n = s.span.n;
     const IntColumn chosen = s.chosen, lobe = s.list2;
@@ -27,7 +28,8 @@ void choose_slots(SpanScratch& s, const shader::Program& program) {
     }
     for (int k = 0; k < int(program.slots.size()); ++k) {
         const ConstColumn weight = s.slot_weight + size_t(k) * kSpan;
-        const int32_t kind = int32_t(program.slots[size_t(k)].lobe);
+        const ClosureSlot& slot = program.slots[size_t(k)];
+        const int32_t kind = int32_t(slot.type == ClosureType::AshikhminVelvet ? LobeKind::Diffuse : slot.lobe);
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             // The last slot with any weight catches what rounding leaves over.

@@ -181,9 +181,10 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
         }
         const bool transmits = slot.lobe == LobeKind::Transmission;
         const bool glass = slot.type == ClosureType::MicrofacetGlass;  // has both sides: dropped only when neither is allowed
-        const bool hair = slot.type >= ClosureType::HairChiang && slot.type <= ClosureType::HairTransmission;  // makes no caustics
+        const bool fibres = slot.type == ClosureType::AshikhminVelvet || (slot.type >= ClosureType::HairChiang && slot.type <= ClosureType::HairTransmission);
         const bool one_sided = (slot.lobe == LobeKind::Glossy && !settings.caustics_reflective) || (transmits && !settings.caustics_refractive);
-        const bool drop = !hair && (glass ? !settings.caustics_reflective && !settings.caustics_refractive : one_sided);
+        // Fibres make no caustics.
+        const bool drop = !fibres && (glass ? !settings.caustics_reflective && !settings.caustics_refractive : one_sided);
         const bool passes = slot.type == ClosureType::Transparent;
         float* w = s.registers + size_t(slot.weight) * kSpan;
         for (int i = 0; i < n; ++i) {

@@ -61,8 +61,8 @@ TALBOT_INLINE Rgb mean_schlick(Rgb f0, float eta) {
 TALBOT_INLINE float mean_f82(float f0, float b) {
     return saturate(lerp(f0, 1.0f, 1.0f / 21.0f) - b * (1.0f / 126.0f));
 }
-TALBOT_INLINE float mean_conductor(float n, float k) {
-    const float f0 = fresnel_conductor(1.0f, n, k), f82 = fresnel_conductor(1.0f / 7.0f, n, k);
+TALBOT_INLINE float mean_conductor(float n, float k, float approximate) {
+    const float f0 = fresnel_conductor(1.0f, n, k, approximate), f82 = fresnel_conductor(1.0f / 7.0f, n, k, approximate);
     const float schlick = f0 + (1.0f - f0) * pow5(6.0f / 7.0f);
     return mean_f82(f0, fresnel_f82_b(f0, f82 / maxf(schlick, 1e-6f)));
 }
@@ -164,11 +164,11 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
                 }
             });
         case ClosureOp::ConductorMean:
-            return lanes<3, 6>(r, n, [](const float* in, float* out) {
-                for (int k = 0; k < 3; ++k) out[k] = mean_conductor(in[k], in[3 + k]);
+            return lanes<3, 7>(r, n, [](const float* in, float* out) {
+                for (int k = 0; k < 3; ++k) out[k] = mean_conductor(in[k], in[3 + k], in[6]);
             });
         case ClosureOp::Specular:
-            return lanes<8, 13>(r, n, [](const float* in, float* out) {
+            return lanes<10, 13>(r, n, [](const float* in, float* out) {
                 const float ior = clampf(in[8], 1e-3f, 1e3f), level = maxf(in[9], 0.0f);
                 const float f0 = f0_from_eta(ior) * 2.0f * level;
                 const float adjusted = eta_from_f0(f0);
@@ -179,14 +179,16 @@ void op_closure(const Instruction& instruction, Registers r, int n, const OpScop
                 out[0] = eta;
                 put(out, 1, tinted);
                 put(out, 4, lerp(tinted, vec3(1.0f), position));
-                out[7] = mean_dielectric(eta);
+                put(out, 7, mean_schlick(tinted, eta));
             });
         case ClosureOp::Coat:
-            return lanes<2, 9>(r, n, [](const float* in, float* out) {
+            return lanes<3, 9>(r, n, [](const float* in, float* out) {
                 const float cosine = view_cosine(in), eta = clampf(in[7], 1.0f, 1e3f), rough = rough_of(in[6], in[6]);
-                const float mean = lerp(f0_from_eta(eta), 1.0f, mean_fresnel_position(rough, cosine, eta)) * ggx_albedo(rough, cosine);
+                const float kept = ggx_albedo(rough, cosine), gain = multiple_scattering(mean_dielectric(eta), kept, ggx_average(rough));
+                const float mean = lerp(f0_from_eta(eta), 1.0f, mean_fresnel_position(rough, cosine, eta)) * kept * gain;
                 out[0] = in[8] != 0.0f ? fresnel_dielectric(cosine, eta) : mean;
                 out[1] = 1.0f / std::sqrt(maxf(1.0f - (1.0f - cosine * cosine) / (eta * eta), 1e-4f));
+                out[2] = in[8] != 0.0f ? 1.0f : gain;
             });
         case ClosureOp::ThinPane:
             return lanes<7, 14>(r, n, [](const float* in, float* out) {

@@ -57,6 +57,25 @@ TEST(Microfacet, ColourOfALobeIsTheMeanOfItsFresnel) {
 }
 
 // Reflectances of a smooth pane of index 1.5, and Brewster's and the critical angle.
+// GGX as a mirror whose highlight is a twentieth of a degree wide: 1 minus a squared cosine would be noise.
+TEST(Microfacet, SharpHighlightsAreNotRounded) {
+    const double alpha = 9e-4;
+    Bench bench({"", ClosureType::Microfacet, reflect(float(alpha), float(alpha)), 0, direction(45, 0)});
+    std::vector<Vec3> directions;
+    for (const double off : {0.0, 0.03, 0.08, 0.2}) {
+        directions.push_back(direction(45 + off, 180));
+        directions.push_back(direction(45 - off, 180 + off));
+    }
+    const auto values = bench.eval(directions);
+    for (size_t i = 0; i < directions.size(); ++i) {
+        const Vec3 a = bench.wo, b = directions[i];
+        const double x = double(a.x) + b.x, y = double(a.y) + b.y, z = double(a.z) + b.z;
+        const double tan2 = (x * x + y * y) / (z * z), cos2 = 1 / (1 + tan2), q = 1 + tan2 / (alpha * alpha);
+        const double expected = 1 / (M_PI * alpha * alpha * cos2 * cos2 * q * q) / (4 * a.z);
+        EXPECT_NEAR(values[i].f.x, expected, 2e-3 * expected);
+    }
+}
+
 TEST(Fresnel, SharpGlass) {
     const double angle[] = {0, 30, 45, 60, 75, 85}, expected[] = {0.04, 0.0415226, 0.0502399, 0.0891867, 0.2530606, 0.6127997};
     for (int i = 0; i < 6; ++i) {
