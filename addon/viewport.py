@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import final, native, passes, reports
 from .sessions import open_session
+from .sync.camera import viewport_values
 
 TICK_SECONDS = 0.05
 WORKING = ("updating", "rendering")
@@ -59,8 +60,11 @@ class Viewport:
         synced = open_session()
         region, scene = context.region, depsgraph.scene_eval
         width, height = region.width, region.height
+        view = {}  # only culling asks for it
+        if scene.render.use_simplify:
+            view = viewport_values(synced.sync.context, context, context.region_data, width, height)
         outcome = synced.sync.full(
-            depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True
+            depsgraph, scene, depsgraph.view_layer_eval, width=width, height=height, viewport=True, view=view
         )
         kept = reports.begin(scene.name)
         for text in outcome.warnings:

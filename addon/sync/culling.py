@@ -68,9 +68,9 @@ class Culling:
 
 
 def culling_of(scene: Any, camera: dict[str, Any]) -> Culling | None:
-    """The scene's rules with a camera as it is sent; None when nothing is left out."""
+    """The scene's rules with a camera as it is sent (empty: not known); None when nothing is left out."""
     cycles = versions.cycles_settings(scene)
-    if not scene.render.use_simplify or scene.render.use_multiview or camera.get("type") == "panoramic":
+    if not camera or not scene.render.use_simplify or scene.render.use_multiview or camera.get("type") == "panoramic":
         return None
     distance = float(cycles.get("distance_cull_margin", 50.0))
     by_distance = bool(cycles.get("use_distance_cull", False)) and distance > 0.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import settings as talbot_settings
 from .camera import camera_values, viewport_border, viewport_values
-from .changes import Changes, Key, read_changes
+from .changes import Changes, Key, read_changes, same
 from .context import ACTIVE_UV, SyncContext
 from .culling import Culling, culling_of
 from .geometry import read_record
@@ -64,6 +64,7 @@ class SceneSync:
         self._dicing = DicingView()
         self._moves = False
         self._eyes: Eyes | None = None
+        self._view: dict[str, Any] = {}
         self._motions: list[dict[str, Any]] = []
 
     # -- whole scenes
@@ -80,11 +81,12 @@ class SceneSync:
         preview: bool = False,
         set_frame: SetFrame | None = None,
         eyes: Eyes | None = None,
+        view: dict[str, Any] | None = None,
     ) -> SyncResult:
         """Sends everything; what the session held before is removed. `set_frame` takes the depsgraph to another frame,
-        for motion blur; `eyes` are the cameras of a stereo pair."""
+        for motion blur; `eyes` are the cameras of a stereo pair; `view` is what a viewport shows."""
         context = self.context
-        self._eyes = eyes
+        self._eyes, self._view = eyes, view or {}
         context.viewport = viewport
         context.warnings.clear()
         context.timings.clear()
@@ -254,7 +256,10 @@ class SceneSync:
         return changed or self.shaders.sent
 
     def _culling(self, depsgraph: Any, scene: Any) -> Culling | None:
-        if self.context.viewport or scene.camera is None or not scene.render.use_simplify:
+        # A viewport's view counts as it was when something was edited, as in Cycles.
+        if self.context.viewport:
+            return culling_of(scene, self._view)
+        if scene.camera is None or not scene.render.use_simplify:
             return None
         camera, size = scene.camera.evaluated_get(depsgraph), (self._settings["width"], self._settings["height"])
         silent = SyncContext(None)
@@ -303,7 +308,7 @@ class SceneSync:
         arrays = object_arrays(gathered, handles)
         before, self._objects = self._objects, arrays
         if before and before.keys() == arrays.keys():
-            different = [name for name in arrays if not _equal(before[name], arrays[name])]
+            different = [name for name in arrays if not same(before[name], arrays[name])]
             if not different:
                 return False
             if different == ["matrix"] and before["matrix"].shape == arrays["matrix"].shape:
@@ -377,7 +382,7 @@ class SceneSync:
         if changed:
             self._settings = self._settings | window
             self.session.set_settings(self._settings)
-        values = viewport_values(self.context, context, region_data, width, height)
+        values = self._view = viewport_values(self.context, context, region_data, width, height)
         # Dicing keeps the view of when the mesh came: turning the view costs nothing.
         if self._dicing.stale or self._dicing.chosen:
             self._dicing.stale = False
@@ -391,9 +396,3 @@ class SceneSync:
         if across == 0:
             return 0.0, 0.0, 1.0, 1.0
         return x / width, y / height, across / width, up / height
-
-
-def _equal(left: Any, right: Any) -> bool:
-    if isinstance(left, np.ndarray):
-        return left.shape == right.shape and bool(np.array_equal(left, right))
-    return left == right

@@ -217,7 +217,7 @@ class ObjectPass:
     def _record(self, obj: Any, data: Any, parent: Any) -> int:
         kind = obj.type
         if parent is None:
-            warn_object(self.context, obj, self.depsgraph.scene_eval)
+            warn_object(self.context, obj)
         if kind == "LIGHT":
             return LIGHT
         if kind not in GEOMETRY:

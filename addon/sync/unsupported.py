@@ -15,13 +15,10 @@ def warn_kind(context: SyncContext, obj: Any) -> None:
         context.warn(f"Object '{obj.name}': {KINDS[obj.type]} are not supported yet and not rendered")
 
 
-def warn_object(context: SyncContext, obj: Any, scene: Any) -> None:
+def warn_object(context: SyncContext, obj: Any) -> None:
     """An object with something on it that is left out."""
     where = f"Object '{obj.name}'"
     cycles = versions.cycles_settings(obj)
-    culled = cycles.get("use_camera_cull", False) or cycles.get("use_distance_cull", False)
-    if context.viewport and scene.render.use_simplify and culled:
-        context.warn(f"{where}: culling is left to final renders; the viewport shows it wherever it is")
     if cycles.get("is_caustics_caster", False):
         context.warn(f"{where}: shadow caustics are not supported yet; paths find the light behind it by chance only")
 

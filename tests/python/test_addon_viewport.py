@@ -35,7 +35,7 @@ class Window:
         self.region = SimpleNamespace(width=8, height=6)
         self.context = SimpleNamespace(region=self.region, region_data=None, space_data=None)
         self.talbot = SimpleNamespace(use_preview_denoising=False, show_tracebacks=False)
-        render = SimpleNamespace(use_border=False)
+        render = SimpleNamespace(use_border=False, use_simplify=False)
         scene = SimpleNamespace(name="Viewport Test", talbot=self.talbot, render=render)
         self.depsgraph = SimpleNamespace(scene_eval=scene, view_layer_eval=None)
         self.textures: list[tuple[tuple[int, int], np.ndarray]] = []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pair_scenes import add_box, add_object, add_plane, diffuse, glow, look_at, look_down
 from pairs import Bounds, agree
+from sync_recorder import synchronise
 from talbot.sync.culling import Culling
 
 
@@ -90,3 +91,23 @@ def test_instances_one_by_one(pair_scene: Any, tmp_path: Path) -> None:
         empty.instance_type, empty.instance_collection = "COLLECTION", inner
     culled(add_box(glow(), location=(30, 0, 0)), frame=True)
     agree(pair_scene, tmp_path, samples=64)
+
+
+def test_viewport(empty_scene: Any) -> None:
+    """By the view of when something was edited; without a view nothing is left out."""
+    simplify(empty_scene, camera=0.1)
+    for x in (0.0, 30.0):
+        culled(add_box(diffuse(), location=(x, 0, 0)), frame=True)
+    session, sync, _ = synchronise(viewport=True)
+    assert len(session.objects["mesh"]) == 2
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+
+    def shown_from(x: float) -> list[float]:
+        view = {"type": "orthographic", "view": (-3.0, 3.0, -3.0, 3.0), "clip_start": 0.1, "clip_end": 100.0}
+        view["to_world"] = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0, 20, 1]
+        sync.full(depsgraph, empty_scene, bpy.context.view_layer, width=64, height=64, viewport=True, view=view)
+        return session.objects["matrix"][:, 12].tolist()
+
+    assert shown_from(0.0) == [0.0]
+    assert shown_from(30.0) == [30.0]
+    assert sorted(shown_from(1.0e-3)) == [0.0]
