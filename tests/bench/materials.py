@@ -18,9 +18,10 @@ class Tree:
         return node
 
     def feed(self, node: Any, **values: Any) -> Any:
-        """Sets or links inputs by name (underscores for spaces); gives the first output that is shown."""
+        """Sets or links inputs by identifier (underscores for spaces; names differ between versions); gives the first
+        output that is shown."""
         for name, value in values.items():
-            socket = next(s for s in node.inputs if s.enabled and s.name == name.replace("_", " "))
+            socket = next(s for s in node.inputs if s.enabled and s.identifier == name.replace("_", " "))
             if hasattr(value, "is_linked"):
                 self.tree.links.new(value, socket)
             else:

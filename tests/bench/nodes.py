@@ -5,7 +5,7 @@
 NAME is the beginning of a probe's name (tests/python/node_probes.py) or of a material's (materials.py); without one, up
 to three probes of each family and all materials are measured, with `--every` all probes. A plane that fills the picture
 shows the sum of many copies of the node, no two with the same input; the same picture with the inputs alone is taken
-off. Columns are nanoseconds an evaluation on one thread, and Cycles' over Talbot's. A material is evaluated once a
+off. Columns are nanoseconds of processor time an evaluation, and Cycles' over Talbot's. A material is evaluated once a
 pixel and sample.
 """
 

@@ -1,6 +1,5 @@
 """Runs inside Blender for nodes.py: the time of a picture of many copies of one node, less that of its inputs alone."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -112,10 +111,11 @@ def new_material() -> Any:
 
 
 def seconds(scene: bpy.types.Scene, samples: int) -> float:
+    """Processor time of all threads together: other work on the machine hardly counts."""
     scene.cycles.samples = samples
-    begin = time.perf_counter()
+    begin = time.process_time()
     bpy.ops.render.render()
-    return time.perf_counter() - begin
+    return time.process_time() - begin
 
 
 def sample_time(scene: bpy.types.Scene) -> float:
@@ -153,7 +153,6 @@ def measure(job: dict[str, Any]) -> dict[str, dict[str, float]]:
     scene = wall()
     if job["threads"]:
         scene.render.threads_mode, scene.render.threads = "FIXED", job["threads"]
-    threads = job["threads"] or os.cpu_count() or 1
     pixels = SIZE * SIZE
     empty: dict[tuple[str, int], float] = {}
     answer: dict[str, dict[str, float]] = {}
@@ -165,7 +164,7 @@ def measure(job: dict[str, Any]) -> dict[str, dict[str, float]]:
                 copies(None, max(links, 1))
                 empty[engine, links] = sample_time(scene)
             if copies(build, 0):
-                cost = (sample_time(scene) - empty[engine, links]) * threads / (pixels * COPIES) * 1e9
+                cost = (sample_time(scene) - empty[engine, links]) / (pixels * COPIES) * 1e9
                 answer.setdefault(name, {})[engine] = max(cost, 0.0)
     for name, paint in materials.ALL.items():
         if job["names"] and not name.startswith(tuple(job["names"])):
@@ -176,7 +175,7 @@ def measure(job: dict[str, Any]) -> dict[str, dict[str, float]]:
             before = sample_time(scene)
             tree = new_material().node_tree
             show(paint(tree))
-            cost = (sample_time(scene) - before) * threads / pixels * 1e9
+            cost = (sample_time(scene) - before) / pixels * 1e9
             answer.setdefault(f"{name} ({len(tree.nodes)} nodes)", {})[engine] = max(cost, 0.0)
     return answer
 
