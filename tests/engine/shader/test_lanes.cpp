@@ -173,7 +173,12 @@ std::vector<GraphBuilder> varying_graphs() {
             NodeBuilder n = g.node("ShaderNodeTexNoise").link("Vector", V, scaled(g)).text("noise_dimensions", d).set("Detail", 3.3f).set("Distortion", 0.4f);
             return g.out(n.link("W", F, scaled(g)).id(), "Color", C);
         });
-        for (const char* f : {"F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE"}) {
+        add([&](GraphBuilder& g) {
+            // What all lanes have in common and what differs from lane to lane have loops of their own.
+            NodeBuilder n = g.node("ShaderNodeTexNoise").link("Vector", V, scaled(g)).text("noise_dimensions", d).link("Detail", F, scaled(g));
+            return g.out(n.link("W", F, scaled(g)).link("Roughness", F, g.position()).id(), "Color", C);
+        });
+        for (const char* f : {"F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"}) {
             add([&](GraphBuilder& g) {
                 NodeBuilder n = g.node("ShaderNodeTexVoronoi").link("Vector", V, scaled(g)).text("voronoi_dimensions", d).text("feature", f);
                 return g.out(n.link("W", F, scaled(g)).id(), "Distance", F);
@@ -226,9 +231,11 @@ TEST(Lanes, DoNotDependOnTheirNeighbours) {
                 ASSERT_TRUE(a.x == b.x && a.y == b.y && a.z == b.z) << isa << " graph " << graph << " lane " << i;
             }
             for (size_t i = 0; i < points.size(); i += 37) {
-                stage.place({points[i]});
-                const Rgb alone = stage.run(run).front();
-                ASSERT_TRUE(alone.x == together[i].x && alone.y == together[i].y && alone.z == together[i].z) << isa << " graph " << graph << " lane " << i;
+                for (const size_t copies : {1, 16}) {  // 16: nothing else beside them, so that what one lane has all have
+                    stage.place(std::vector<Vec2>(copies, points[i]));
+                    const Rgb alone = stage.run(run).front();
+                    ASSERT_TRUE(alone.x == together[i].x && alone.y == together[i].y && alone.z == together[i].z) << isa << " graph " << graph << " lane " << i;
+                }
             }
         }
         ++graph;
