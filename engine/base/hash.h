@@ -145,18 +145,21 @@ TALBOT_INLINE uint32_t fold16(uint32_t v) {
 }
 }  // namespace detail
 
-TALBOT_INLINE Hash4 pcg_2d(int32_t i, int32_t j) {
-    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u;
-    x += y * 1664525u;
-    y += x * 1664525u;
+/// What the pcg_ hashes begin with, coordinate by coordinate: that of i + n is that of i plus n times the step.
+inline constexpr uint32_t kPcgStep = 1664525u;
+TALBOT_INLINE uint32_t pcg_start(int32_t i) {
+    return uint32_t(i) * kPcgStep + 1013904223u;
+}
+TALBOT_INLINE Hash4 pcg_2d(uint32_t x, uint32_t y) {
+    x += y * kPcgStep;
+    y += x * kPcgStep;
     x = detail::fold16(x);
     y = detail::fold16(y);
-    x += y * 1664525u;
-    y += x * 1664525u;
+    x += y * kPcgStep;
+    y += x * kPcgStep;
     return {detail::pcg_unit(x), detail::pcg_unit(y), 0, 0};
 }
-TALBOT_INLINE Hash4 pcg_3d(int32_t i, int32_t j, int32_t k) {
-    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u, z = uint32_t(k) * 1664525u + 1013904223u;
+TALBOT_INLINE Hash4 pcg_3d(uint32_t x, uint32_t y, uint32_t z) {
     x += y * z;
     y += z * x;
     z += x * y;
@@ -168,9 +171,7 @@ TALBOT_INLINE Hash4 pcg_3d(int32_t i, int32_t j, int32_t k) {
     z += x * y;
     return {detail::pcg_unit(x), detail::pcg_unit(y), detail::pcg_unit(z), 0};
 }
-TALBOT_INLINE Hash4 pcg_4d(int32_t i, int32_t j, int32_t k, int32_t l) {
-    uint32_t x = uint32_t(i) * 1664525u + 1013904223u, y = uint32_t(j) * 1664525u + 1013904223u;
-    uint32_t z = uint32_t(k) * 1664525u + 1013904223u, w = uint32_t(l) * 1664525u + 1013904223u;
+TALBOT_INLINE Hash4 pcg_4d(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
     x += y * w;
     y += z * x;
     z += x * y;

@@ -131,7 +131,8 @@ void compile_voronoi(NodeContext& n) {
     // The line's coordinate is the fourth one here.
     if (dimensions == 1) std::swap(p.c[0], p.c[3]);
     const bool places = n.output_linked("Position") || n.output_linked("W");
-    const uint32_t data = (n.semantics.voronoi_integer_hash ? 1u : 0u) | (n.output_linked("Color") ? 0u : 2u) | (places ? 0u : 4u);
+    const uint32_t data =
+        (n.semantics.voronoi_integer_hash ? kVoronoiIntegerHash : 0u) | (n.output_linked("Color") ? 0u : kVoronoiNoColor) | (places ? 0u : kVoronoiNoPosition);
     const auto octave = [&](Value frequency) {
         const auto at = [&](int i) { return e.mul(p.c[i], frequency); };
         return e.emit(Op::Voronoi, voronoi_variant(dimensions, feature, metric), {at(0), at(1), at(2), at(3), smoothness, exponent, randomness}, 8, data);

@@ -43,14 +43,13 @@ enum class Op : uint16_t {
     Lookup,         ///< x, offset bits, min, steps/(max - min) -> rgb, between equal steps, held at the ends; four floats a step. data: number of steps
 
     // Textures
-    Project,      ///< vector -> u, v. variant: ProjectKind
-    BoxWeights,   ///< normal, blend, -> 3 weights
-    Image,        ///< u, v, handle bits -> rgba. variant: interpolation * 4 + extension. Not foldable
-    Noise,        ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: noise_variant
-    SignedNoise,  ///< x, y, z, w -> signed Perlin. variant: noise_variant
-    Voronoi,  ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: 1 integer hash, 2 no color, 4
-              ///< no place
-    Gabor,    ///< x, y, z (scaled), frequency, anisotropy, orientation (2D: angle, -, -; 3D: unit vector) -> value, phase, intensity. variant: dimensions
+    Project,       ///< vector -> u, v. variant: ProjectKind
+    BoxWeights,    ///< normal, blend, -> 3 weights
+    Image,         ///< u, v, handle bits -> rgba. variant: interpolation * 4 + extension. Not foldable
+    Noise,         ///< x, y, z, w, detail, roughness, lacunarity, offset, gain -> fac. variant: noise_variant
+    SignedNoise,   ///< x, y, z, w -> signed Perlin. variant: noise_variant
+    Voronoi,       ///< x, y, z, w, smoothness, exponent, randomness -> distance, rgb, position xyzw. variant: voronoi_variant; data: kVoronoi... bits
+    Gabor,         ///< x, y, z (scaled), frequency, anisotropy, orientation (2D: angle, -, -; 3D: unit vector) -> value, phase, intensity. variant: dimensions
     WhiteNoise,    ///< x, y, z, w -> value, r, g, b. variant: dimensions
     Wave,          ///< x, y, z (scaled), phase (distortion included) -> fac. variant: wave_variant
     Magic,         ///< x, y, z, scale, distortion -> rgb. variant: depth
@@ -228,6 +227,11 @@ enum class VoronoiMetric : uint8_t { Euclidean, Manhattan, Chebychev, Minkowski 
 inline constexpr uint8_t voronoi_variant(int dimensions, VoronoiFeature feature, VoronoiMetric metric) {
     return uint8_t((dimensions - 1) | (int(feature) << 2) | (int(metric) << 5));
 }
+
+/// Bits of Voronoi's data.
+inline constexpr uint32_t kVoronoiIntegerHash = 1;  ///< cells are hashed by their numbers, not by the bits of floats
+inline constexpr uint32_t kVoronoiNoColor = 2;      ///< nobody asks for rgb: zeros
+inline constexpr uint32_t kVoronoiNoPosition = 4;   ///< nor for the position
 
 enum class WaveProfile : uint8_t { Sine, Saw, Triangle };
 /// Axis: 0 x, 1 y, 2 z, 3 diagonal or spherical.

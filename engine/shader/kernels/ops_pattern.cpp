@@ -154,66 +154,61 @@ void op_wave(const Instruction& i, Registers r, int n) {
     }
 }
 
+/// A step of the turbulence: one component of the three, from all of them.
+template <class F>
+TALBOT_INLINE void disturb(int n, float* component, const float* distortion, const float* x, const float* y, const float* z, F f) {
+    TALBOT_VECTOR_LOOP
+    for (int k = 0; k < n; ++k) component[k] = f(x[k], y[k], z[k]) * distortion[k];
+}
+
 void op_magic(const Instruction& i, Registers r, int n) {
     Column red = r[0], green = r[1], blue = r[2];
     ConstColumn px = r[3], py = r[4], pz = r[5], scale = r[6], distortion = r[7];
     const int depth = i.variant;
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
-        const float s = scale[k] * 5.0f;
+        const float s = scale[k] * 5.0f, first = distortion[k], d = depth > 0 ? first : 1.0f;
         const float a = px[k] - kTwoPi * lane_trunc(px[k] / kTwoPi);
         const float b = py[k] - kTwoPi * lane_trunc(py[k] / kTwoPi);
         const float c = pz[k] - kTwoPi * lane_trunc(pz[k] / kTwoPi);
-        red[k] = lane_sin((a + b + c) * s);
-        green[k] = lane_cos((-a + b - c) * s);
-        blue[k] = -lane_cos((-a - b + c) * s);
+        red[k] = lane_sin((a + b + c) * s) * d;
+        green[k] = lane_cos((-a + b - c) * s) * d;
+        blue[k] = -lane_cos((-a - b + c) * s) * d;
     }
+    float *x = r[0], *y = r[1], *z = r[2];
     for (int step = 1; step <= depth; ++step) {
-        TALBOT_VECTOR_LOOP
-        for (int k = 0; k < n; ++k) {
-            const float d = distortion[k];
-            float x = red[k], y = green[k], z = blue[k];
-            if (step == 1) {
-                x *= d;
-                y *= d;
-                z *= d;
-            }
-            // Which component is disturbed, and by which signs of the three.
-            switch (step) {
-                case 1:
-                    y = -lane_cos(x - y + z) * d;
-                    break;
-                case 2:
-                    x = lane_cos(x - y - z) * d;
-                    break;
-                case 3:
-                    z = lane_sin(-x - y - z) * d;
-                    break;
-                case 4:
-                    x = -lane_cos(-x + y - z) * d;
-                    break;
-                case 5:
-                    y = -lane_sin(-x + y + z) * d;
-                    break;
-                case 6:
-                    y = -lane_cos(-x + y + z) * d;
-                    break;
-                case 7:
-                    x = lane_cos(x + y + z) * d;
-                    break;
-                case 8:
-                    z = lane_sin(x + y - z) * d;
-                    break;
-                case 9:
-                    x = -lane_cos(-x - y + z) * d;
-                    break;
-                default:
-                    y = -lane_sin(x - y + z) * d;
-                    break;
-            }
-            red[k] = x;
-            green[k] = y;
-            blue[k] = z;
+        const auto turn = [&](float* component, auto f) { disturb(n, component, distortion, x, y, z, f); };
+        switch (step) {
+            case 1:
+                turn(y, [](float a, float b, float c) { return -lane_cos(a - b + c); });
+                break;
+            case 2:
+                turn(x, [](float a, float b, float c) { return lane_cos(a - b - c); });
+                break;
+            case 3:
+                turn(z, [](float a, float b, float c) { return lane_sin(-a - b - c); });
+                break;
+            case 4:
+                turn(x, [](float a, float b, float c) { return -lane_cos(-a + b - c); });
+                break;
+            case 5:
+                turn(y, [](float a, float b, float c) { return -lane_sin(-a + b + c); });
+                break;
+            case 6:
+                turn(y, [](float a, float b, float c) { return -lane_cos(-a + b + c); });
+                break;
+            case 7:
+                turn(x, [](float a, float b, float c) { return lane_cos(a + b + c); });
+                break;
+            case 8:
+                turn(z, [](float a, float b, float c) { return lane_sin(a + b - c); });
+                break;
+            case 9:
+                turn(x, [](float a, float b, float c) { return -lane_cos(-a - b + c); });
+                break;
+            default:
+                turn(y, [](float a, float b, float c) { return -lane_sin(a - b + c); });
+                break;
         }
     }
     TALBOT_VECTOR_LOOP
@@ -228,29 +223,32 @@ void op_magic(const Instruction& i, Registers r, int n) {
 void op_brick(const Instruction& i, Registers r, int n) {
     Column tint = r[0], mortar = r[1];
     ConstColumn x = r[2], y = r[3], scale = r[5], size = r[6], smooth = r[7], bias = r[8], width_in = r[9], height_in = r[10], offset = r[11], squash = r[12];
-    const int32_t offset_every = int32_t(i.data & 0xffu), squash_every = int32_t(i.data >> 8);
-    const bool clamps = i.variant == 1;
+    // Rows are whole numbers in floats: the division of a multiple is exact. Without both frequencies no row is another's multiple.
+    const bool changes = (i.data & 0xffu) != 0 && (i.data >> 8) != 0;
+    const float offset_every = changes ? float(int32_t(i.data & 0xffu)) : 1.0f, squash_every = changes ? float(int32_t(i.data >> 8)) : 1.0f;
+    const float clamps = i.variant == 1 ? 1.0f : 0.0f;
+    TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
         const float px = x[k] * scale[k], py = y[k] * scale[k];
-        const float height = height_in[k] != 0.0f ? height_in[k] : 1e-6f;
-        const int32_t row = lane_int(lane_floor(py / height));
-        float width = width_in[k], shift = 0.0f;
-        if (offset_every && squash_every) {
-            width *= row % squash_every == 0 ? squash[k] : 1.0f;
-            shift = row % offset_every == 0 ? width * offset[k] : 0.0f;
-        }
-        width = width != 0.0f ? width : 1e-6f;
-        const int32_t brick = lane_int(lane_floor((px + shift) / width));
-        const float bx = px + shift - width * float(brick), by = py - height * float(row);
-        uint32_t h = (uint32_t(row) << 16) + (uint32_t(brick) & 0xffffu);
+        const float narrow = squash[k], along = offset[k], border = size[k], softness = smooth[k], high = height_in[k];
+        const float height = high != 0.0f ? high : 1e-6f;
+        const float row = lane_floor(py / height);
+        const bool squashed = lane_trunc(row / squash_every) * squash_every == row, shifted = lane_trunc(row / offset_every) * offset_every == row;
+        const float stretched = width_in[k] * (squashed & changes ? narrow : 1.0f);
+        const float shift = shifted & changes ? stretched * along : 0.0f;
+        const float width = stretched != 0.0f ? stretched : 1e-6f;
+        const float brick = lane_floor((px + shift) / width);
+        const float bx = px + shift - width * brick, by = py - height * row;
+        uint32_t h = (uint32_t(lane_int(row)) << 16) + (uint32_t(lane_int(brick)) & 0xffffu);
         h = (h + 1013u) & 0x7fffffffu;
         h ^= h >> 13;
         h = (h * (h * h * 60493u + 19990303u) + 1376312589u) & 0x7fffffffu;
         tint[k] = saturate(0.5f * (float(int32_t(h)) / 1073741824.0f) + bias[k]);
         const float edge = minf(minf(bx, by), minf(width - bx, height - by));
-        const float depth = 1.0f - edge / (size[k] != 0.0f ? size[k] : 1.0f);
-        const float soft = smooth[k] == 0.0f ? 1.0f : smoothstep(saturate(depth / (smooth[k] == 0.0f ? 1.0f : smooth[k])));
-        mortar[k] = edge >= size[k] ? 0.0f : ((depth < smooth[k]) | clamps ? soft : 1.0f);
+        const float depth = 1.0f - edge / (border != 0.0f ? border : 1.0f);
+        const float soft = smoothstep(saturate(depth / (softness == 0.0f ? 1.0f : softness)));
+        const float clear = (depth < softness) | (clamps != 0.0f) ? (softness == 0.0f ? 1.0f : soft) : 1.0f;
+        mortar[k] = edge >= border ? 0.0f : clear;
     }
 }
 
