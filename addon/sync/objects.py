@@ -234,7 +234,9 @@ class ObjectPass:
         if obj.type != "MESH":
             return ()
         records = []
-        for source in hair_sources(obj, self.context.viewport):
+        # What Blender makes for an instance is gone when the strands are read.
+        owner = obj.original.evaluated_get(self.depsgraph)
+        for source in hair_sources(owner, self.context.viewport):
             slot = source.system.settings.material - 1
             index = self._add_record(obj, data, parent, self._material_set(obj, data, slot), source)
             if index >= 0:

@@ -104,8 +104,9 @@ void compile_ies(NodeContext& n) {
     }
     // Without a file Cycles has 100 everywhere.
     if (!usable) return n.set("Fac", e.mul(strength, 100.0f));
-    // Unlinked: where the light goes, seen from the lamp.
-    const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : n.to_object(n.incoming(), TransformKind::VectorToObject));
+    // Unlinked: where the light goes, as the lamp has it. Of an uneven scale Cycles takes this for a normal.
+    const auto leaving = [&] { return n.to_object(n.semantics.ies_by_normal ? n.shading_normal() : n.incoming(), TransformKind::NormalToObject); };
+    const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : leaving());
     const Value down = e.ternary(TernaryKind::Clamp, e.negate(d.z), e.literal(-1), e.literal(1));
     const Value around = e.add(e.binary(BinaryKind::ArcTangent2, d.x, d.y), float(M_PI));
     n.set("Fac", e.mul(strength, e.emit(Op::Ies, n.semantics.ies_old ? 1 : 0, {around, e.unary(UnaryKind::ArcCosine, down), e.table(*table)})));

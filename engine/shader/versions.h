@@ -12,6 +12,7 @@ struct Semantics {
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
     bool sky_full_dome = true;             ///< sky tables reach below the horizon, and the sun shines in front of the sky (from 5.0)
     bool ies_old = false;                  ///< IES tables wrap below their first horizontal angle, and must begin at the pole (before 5.0)
+    bool ies_by_normal = false;            ///< IES tables are asked along the normal unless something is linked: of area lamps one direction (before 4.0)
     bool normal_map_scales_slope = true;   ///< strength of tangent-space normal maps (mixes normals before 4.2)
     bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
     bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
@@ -61,6 +62,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.diffuse_bounces_once = version < 403;
     s.hair_tilts_light = version < 402;
     s.ies_old = version < 500;
+    s.ies_by_normal = version < 400;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.hair_section_faces_up = version > 500;
     s.magic_wraps_scaled = version > 500;

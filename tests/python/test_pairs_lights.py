@@ -190,6 +190,30 @@ def test_lamp_nodes(pair_scene: Any, tmp_path: Path) -> None:
     agree(pair_scene, tmp_path, bounds=Bounds(0.02, 0.08))
 
 
+def test_photometric_lamps(pair_scene: Any, tmp_path: Path) -> None:
+    """Measured intensities by direction (IES), full circles and a quarter, on lamps of each kind, turned and scaled."""
+    # A radius of turned lamps turns the table until 3.6: 5 % in places, unexplained.
+    size = 0.1 if bpy.app.version >= (4, 0, 0) else 0.0
+    lamps = [
+        lamp("POINT", 10, shadow_soft_size=0.0, lean=(0.3, 0.2, 0.5)),
+        lamp("POINT", 10, shadow_soft_size=0.2),
+        lamp("SPOT", 30, spot_size=2.0, shadow_soft_size=size, lean=(0.2, -0.3, 0.4), rescale=(1.0, 0.6, 1.0)),
+        lamp("AREA", 5, shape="RECTANGLE", size=0.4, size_y=0.2, lean=(0.3, 0.0, 0.6)),
+    ]
+    rooms(pair_scene, lamps)
+    circle = "1 1000 1 5 5 1 2 0 0 0\n1 1 100\n0 30 60 90 180\n0 90 180 270 360\n" + "".join(
+        f"900 {600 - 100 * side} {300 + 90 * side} 100 50\n" for side in (0, 1, 2, 1, 0)
+    )
+    quarter = "1 1000 1 4 3 1 2 0 0 0\n1 1 100\n0 20 50 90\n0 45 90\n900 800 300 0\n900 500 200 0\n900 200 100 0\n"
+    for number, light in enumerate(bpy.data.lights):
+        text = bpy.data.texts.new("ies")
+        text.write("IESNA:LM-63-1995\nTILT=NONE\n" + (quarter if number == 1 else circle))
+        tree = node_tree(light)
+        tree("OutputLight", Surface=tree("Emission", Strength=tree("TexIES", mode="INTERNAL", ies=text).outputs[0]))
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.08))
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.2, 1.5])
 def test_sun(pair_scene: Any, tmp_path: Path, angle: float) -> None:
     """Half of the ground is glossy and sees the disc."""

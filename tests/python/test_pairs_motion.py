@@ -19,6 +19,7 @@ from pair_scenes import (
     diffuse,
     glow,
     look_at,
+    new_geometry_group,
     open_shutter,
     set_world,
 )
@@ -210,6 +211,61 @@ def test_emissive_box_flies_and_turns(pair_scene: Any, tmp_path: Path) -> None:
     fly(box)
     pair_scene.frame_set(FRAME)
     agree(pair_scene, tmp_path, samples=256, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+
+
+def give_velocity(modifier: Any, to_points: bool) -> None:
+    """Geometry nodes: a velocity by place on each point, of points or of what comes in."""
+    group, given, result = new_geometry_group("Velocity")
+    nodes, link = group.nodes, group.links.new
+    came = given.outputs[0]
+    if to_points:
+        points = nodes.new("GeometryNodeMeshToPoints")
+        points.inputs["Radius"].default_value = 0.15
+        link(came, points.inputs["Mesh"])
+        came = points.outputs[0]
+    place, speed, store = (
+        nodes.new(kind)
+        for kind in ("GeometryNodeInputPosition", "ShaderNodeVectorMath", "GeometryNodeStoreNamedAttribute")
+    )
+    speed.operation = "MULTIPLY_ADD"
+    speed.inputs[1].default_value, speed.inputs[2].default_value = (8.0, 0.0, 4.0), (10.0, 0.0, 5.0)
+    store.data_type, store.domain = "FLOAT_VECTOR", "POINT"
+    store.inputs["Name"].default_value = "velocity"
+    link(place.outputs[0], speed.inputs[0])
+    link(came, store.inputs["Geometry"])
+    link(speed.outputs[0], next(s for s in store.inputs if s.name == "Value" and s.type == "VECTOR"))
+    paint = nodes.new("GeometryNodeSetMaterial")
+    paint.inputs["Material"].default_value = modifier.id_data.data.materials[0]
+    link(store.outputs[0], paint.inputs[0])
+    link(paint.outputs[0], result.inputs[0])
+    modifier.node_group = group
+
+
+@pytest.mark.parametrize("kind", ["points", "curves"])
+def test_velocities_of_strands(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    """What a simulation says of points and of curves, which do not move from frame to frame."""
+    box = stage(pair_scene)
+    obj = box
+    if kind == "curves":
+        bpy.data.objects.remove(box)
+        obj = standing_curves()
+    give_velocity(obj.modifiers.new("Velocity", "NODES"), kind == "points")
+    pair_scene.frame_set(FRAME)
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+
+
+def standing_curves() -> Any:
+    """A few thick curves side by side."""
+    curves = bpy.data.hair_curves.new("Pair")
+    if not hasattr(curves, "add_curves"):
+        pytest.skip("scripts make curves from 4.3 on")
+    curves.add_curves([5] * 6)
+    positions = [(0.3 * curve - 0.75, 0.05 * key, 0.3 * key) for curve in range(6) for key in range(5)]
+    curves.points.foreach_set("position", np.array(positions, np.float32).ravel())
+    radius = curves.attributes.get("radius") or curves.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.full(30, 0.08, np.float32))
+    curves.materials.append(diffuse((0.8, 0.4, 0.2)))
+    return add_object(curves)
 
 
 def test_hair_moves_with_its_object(pair_scene: Any, tmp_path: Path) -> None:

@@ -116,6 +116,25 @@ def test_what_hair_tells(pair_scene: Any, tmp_path: Path, name: str) -> None:
     agree(pair_scene, tmp_path, samples=64, batches=8, bounds=BOUNDS)
 
 
+def test_hair_of_instances(pair_scene: Any, tmp_path: Path) -> None:
+    """Tufts on the faces of a sheet: hair reads UV and Generated from the instancer."""
+    look_at(pair_scene, (2.2, -2.2, 1.8), (0, 0, 0.2))
+
+    def both(tree: Tree) -> Any:
+        coordinates = tree("TexCoord")
+        coordinates.from_instancer = True
+        sum_ = tree("VectorMath", operation="ADD", in0=coordinates.outputs["UV"], in1=coordinates.outputs["Generated"])
+        return tree("VectorMath", operation="ADD", in0=sum_.outputs[0], in1=(2.0, 2.0, 2.0)).outputs[0]
+
+    tuft = hair_on_sheet(shown(both), count=40)
+    sheet = add_plane(diffuse(0.5), 3.0)
+    sheet.modifiers.new("Faces", "SUBSURF").subdivision_type = "SIMPLE"
+    sheet.modifiers[0].render_levels = sheet.modifiers[0].levels = 1
+    tuft.parent, tuft.scale = sheet, (0.4, 0.4, 0.4)
+    sheet.instance_type = "FACES"
+    agree(pair_scene, tmp_path, samples=64, batches=8, bounds=BOUNDS)
+
+
 def curves_object(item: Any, count: int = 80, keys: int = 6) -> Any:
     """Hair curves with radii that stand on the floor."""
     curves = bpy.data.hair_curves.new("Pair")
