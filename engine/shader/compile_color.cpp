@@ -99,10 +99,15 @@ struct CurveMapping {
 CurveMapping curve_mapping(NodeContext& n, size_t channels) {
     const std::vector<float>* table = n.table("mapping");
     if (!table || table->size() < 2 * channels) return {};
+    const size_t steps = table->size() / channels, kept = channels > 1 ? 3 : 1;
     const double low = n.number("mapping_min", 0), high = n.number("mapping_max", 1);
     const bool extrapolate = n.text("mapping_extend", "EXTRAPOLATED") == "EXTRAPOLATED";
-    const Value count = n.e.constant_bits(uint32_t(table->size() / channels)), scale = n.e.constant(high > low ? float(1.0 / (high - low)) : 0.0f);
-    return {n.e.table(*table), count, n.e.constant(float(low)), scale, uint8_t(extrapolate ? 1 : 0), true};
+    const Value count = n.e.constant_bits(uint32_t(steps)), scale = n.e.constant(high > low ? float(1.0 / (high - low)) : 0.0f);
+    // Curve after curve: what is read of one stands side by side. The fourth is the others' common one, which they hold already.
+    std::vector<float> curves;
+    for (size_t c = 0; c < kept; ++c)
+        for (size_t i = 0; i < steps; ++i) curves.push_back((*table)[i * channels + c]);
+    return {n.e.table(curves), count, n.e.constant(float(low)), scale, uint8_t(extrapolate ? 1 : 0), true};
 }
 
 Value3 curves(NodeContext& n, Value3 v) {

@@ -39,7 +39,7 @@ enum class Op : uint16_t {
     HueSaturation,  ///< hue, saturation, value, factor, rgb -> rgb. variant: 1 hues below 0 stay there
     Ramp,           ///< factor, offset bits, count bits -> rgba. variant: 1 constant interpolation
     Curve,          ///< x, offset bits, count bits, min, 1/(max - min) -> y. variant: 1 extrapolate
-    Curves,         ///< r, g, b, offset bits, count bits, min, 1/(max - min) -> rgb, each by its own curve; four floats a step. variant: 1 extrapolate
+    Curves,         ///< r, g, b, offset bits, count bits, min, 1/(max - min) -> rgb, each by its own curve, one table after another. variant: 1 extrapolate
     Lookup,         ///< x, offset bits, min, steps/(max - min) -> rgb, between equal steps, held at the ends; four floats a step. data: number of steps
 
     // Textures

@@ -201,14 +201,18 @@ void op_hue_saturation(const Instruction& i, Registers r, int n) {
     }
 }
 
+/// Two neighbours of a table at once: half as many loads.
+typedef uint64_t [[gnu::aligned(4), gnu::may_alias]] Neighbours;
+
 /// A curve's value at `x` of its range, 0 to 1. Beyond the ends x stays in the first or last cell: that is the extrapolation.
-TALBOT_INLINE float curve_at(const float* table, int32_t offset, int32_t stride, int32_t last, float x, float extrapolate) {
+TALBOT_INLINE float curve_at(const float* table, int32_t offset, int32_t last, float x, float extrapolate) {
     const float f = x * float(last);
     const float inside = minf(maxf(f, 0.0f), float(last));
     const int32_t whole = int32_t(inside);
-    const int32_t cell = whole < last - 1 ? whole : (last - 1 > 0 ? last - 1 : 0);
+    const int32_t cell = whole < last - 1 ? whole : last - 1;
     const float t = inside - float(cell) + (f - inside) * extrapolate;
-    const float a = table[offset + stride * cell], b = table[offset + stride * (cell + (last > 0 ? 1 : 0))];
+    const uint64_t both = *reinterpret_cast<const Neighbours*>(table + offset + cell);
+    const float a = as_float(uint32_t(both)), b = as_float(uint32_t(both >> 32));
     return a + (b - a) * t;
 }
 
@@ -238,7 +242,7 @@ void op_curve(const Instruction& i, Registers r, int n, const OpScope& s) {
     ConstColumn x = r[1], offset = r[2], count = r[3], low = r[4], scale = r[5];
     const float extrapolate = i.variant == 1 ? 1.0f : 0.0f;
     TALBOT_VECTOR_LOOP
-    for (int k = 0; k < n; ++k) y[k] = curve_at(table, as_int(offset[k]), 1, as_int(count[k]) - 1, (x[k] - low[k]) * scale[k], extrapolate);
+    for (int k = 0; k < n; ++k) y[k] = curve_at(table, as_int(offset[k]), as_int(count[k]) - 1, (x[k] - low[k]) * scale[k], extrapolate);
 }
 
 void op_curves(const Instruction& i, Registers r, int n, const OpScope& s) {
@@ -248,10 +252,10 @@ void op_curves(const Instruction& i, Registers r, int n, const OpScope& s) {
     const float extrapolate = i.variant == 1 ? 1.0f : 0.0f;
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
-        const int32_t first = as_int(offset[k]), last = as_int(count[k]) - 1;
-        red[k] = curve_at(table, first, 4, last, (x[k] - low[k]) * scale[k], extrapolate);
-        green[k] = curve_at(table, first + 1, 4, last, (y[k] - low[k]) * scale[k], extrapolate);
-        blue[k] = curve_at(table, first + 2, 4, last, (z[k] - low[k]) * scale[k], extrapolate);
+        const int32_t first = as_int(offset[k]), steps = as_int(count[k]), last = steps - 1;
+        red[k] = curve_at(table, first, last, (x[k] - low[k]) * scale[k], extrapolate);
+        green[k] = curve_at(table, first + steps, last, (y[k] - low[k]) * scale[k], extrapolate);
+        blue[k] = curve_at(table, first + 2 * steps, last, (z[k] - low[k]) * scale[k], extrapolate);
     }
 }
 
