@@ -2,8 +2,9 @@
 /// tilt the fibre's normal. What one sees of a fibre is the integral over its width, or over the part of it that a pixel covers.
 ///
 /// Local frame: x major axis, y along the fibre, z = x x y; gamma is the parameter of the ellipse (sin gamma, b cos gamma), phi an azimuth from z.
-/// The integral is a Simpson sum over gamma; facets inside the fibre are drawn at random, by a hash of the directions, so that the same question has the same
-/// answer. Directions are sampled from lobes of [Chiang et al. 2016] of about the same widths, at a few places across the fibre: their density is known.
+/// The integral is a Simpson sum over gamma; facets inside the fibre are drawn at random, by a hash of the directions and of where the fibre is hit, so that
+/// the same question has the same answer, but a thousand hits under one sun do not share their error. Directions are sampled from lobes of [Chiang et al. 2016]
+/// of about the same widths, at a few places across the fibre: their density is known.
 #include "base/hash.h"
 #include "closure/albedo.h"
 #include "closure/hair.h"
@@ -241,7 +242,7 @@ struct HuangLobe {
             to = minf(to, near_to + turn);
         }
         if (!(to > from)) return {};
-        const uint32_t seed = hash_words(as_uint(wi.x), as_uint(wi.y), as_uint(wi.z), as_uint(v.wo.y));
+        const uint32_t seed = hash_words(as_uint(wi.x), as_uint(wi.y), as_uint(wi.z), hash_words(as_uint(v.wo.y), as_uint(v.h)));
         const Rgb sum = vec3(reflected(v.wo, wi, from, to)) + refracted(v.wo, wi, from, to, seed);
         return sum / maxf(cos_theta(v.wo) * (v.high - v.low), 1e-9f);
     }

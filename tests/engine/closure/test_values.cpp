@@ -137,6 +137,25 @@ TEST(Diffuse, Burley) {
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(Bench({"", ClosureType::PrincipledDiffuseV1, {0.5f * i}}).scattered(200000).x, expected[i], 1e-3);
 }
 
+// Facets inside a fibre are drawn at random. Hits side by side have draws of their own, or else all of a straight strand's under one sun are wrong together:
+// their mean must not depend on the sun's last digits.
+TEST(Hair, HitsDrawTheirOwnFacets) {
+    const auto mean = [](Vec3 wi) {
+        Bench bench({"", ClosureType::HairHuang, huang(0.5f, 1.0f, 0.05f), 0, direction(10, 0)});
+        double sum = 0;
+        constexpr int kHits = 40000;
+        for (int i = 0; i < kHits; ++i) {
+            bench.normal = direction(30 + 1.0 * i / kHits, 90);
+            sum += bench.eval({wi})[0].f.x / kHits;
+        }
+        return sum;
+    };
+    const double a = mean(direction(150, 80)), b = mean(direction(150.001, 80)), c = mean(direction(150, 80.001));
+    EXPECT_GT(a, 0.0);
+    EXPECT_NEAR(a, b, 0.08 * a);
+    EXPECT_NEAR(a, c, 0.08 * a);
+}
+
 TEST(Reciprocity, HoldsWhereItShould) {
     const Vec3 a = direction(25, 40), b = direction(62, 190);
     for (const Case& c : all_cases()) {
