@@ -127,6 +127,13 @@ TEST(Links, ShadowsOfChosenBlockersOnly) {
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "another group";
         linked.objects.back().blocks |= uint64_t(1) << 40;
         EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
+        // An instance is asked by its own mask: the mesh is now used twice, the second time out of the way.
+        linked.objects.push_back(linked.objects.back());
+        linked.objects.back().to_world.m[0][3] = 100;
+        linked.objects.back().blocks = 0;
+        EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
+        std::swap(linked.objects[2].blocks, linked.objects[3].blocks);
+        EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << glass;
     }
 }
 
