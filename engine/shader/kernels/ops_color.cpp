@@ -202,7 +202,7 @@ void op_hue_saturation(const Instruction& i, Registers r, int n) {
 }
 
 /// Two neighbours of a table at once: half as many loads.
-typedef uint64_t [[gnu::aligned(4), gnu::may_alias]] Neighbours;
+using Neighbours [[gnu::aligned(4), gnu::may_alias]] = uint64_t;
 
 /// A curve's value at `x` of its range, 0 to 1. Beyond the ends x stays in the first or last cell: that is the extrapolation.
 TALBOT_INLINE float curve_at(const float* table, int32_t offset, int32_t last, float x, float extrapolate) {

@@ -234,8 +234,8 @@ void op_brick(const Instruction& i, Registers r, int n) {
         const float height = high != 0.0f ? high : 1e-6f;
         const float row = lane_floor(py / height);
         const bool squashed = lane_trunc(row / squash_every) * squash_every == row, shifted = lane_trunc(row / offset_every) * offset_every == row;
-        const float stretched = width_in[k] * (squashed & changes ? narrow : 1.0f);
-        const float shift = shifted & changes ? stretched * along : 0.0f;
+        const float stretched = width_in[k] * ((squashed & changes) ? narrow : 1.0f);
+        const float shift = (shifted & changes) ? stretched * along : 0.0f;
         const float width = stretched != 0.0f ? stretched : 1e-6f;
         const float brick = lane_floor((px + shift) / width);
         const float bx = px + shift - width * brick, by = py - height * row;
@@ -247,7 +247,7 @@ void op_brick(const Instruction& i, Registers r, int n) {
         const float edge = minf(minf(bx, by), minf(width - bx, height - by));
         const float depth = 1.0f - edge / (border != 0.0f ? border : 1.0f);
         const float soft = smoothstep(saturate(depth / (softness == 0.0f ? 1.0f : softness)));
-        const float clear = (depth < softness) | (clamps != 0.0f) ? (softness == 0.0f ? 1.0f : soft) : 1.0f;
+        const float clear = ((depth < softness) | (clamps != 0.0f)) ? (softness == 0.0f ? 1.0f : soft) : 1.0f;
         mortar[k] = edge >= border ? 0.0f : clear;
     }
 }
