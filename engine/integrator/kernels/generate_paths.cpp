@@ -92,21 +92,6 @@ TALBOT_INLINE Vec3 panorama_direction(const scene::Camera& camera, FilmPoint fil
     return {};
 }
 
-/// Angle, in radians, by which the mean neighbouring pixel's ray through the lens' centre turns away: half the sum for the one to the right and the one above.
-TALBOT_INLINE float pixel_angle(const scene::Camera& camera, FilmPoint film, Vec2 pixel) {
-    if (camera.type == scene::CameraType::Perspective) {
-        const float x = lerp(camera.view[0], camera.view[1], film.x), y = lerp(camera.view[2], camera.view[3], film.y);
-        const float inverse2 = 1.0f / (1.0f + x * x + y * y);
-        const float wide = std::fabs(camera.view[1] - camera.view[0]) * pixel.x * std::sqrt(1.0f - x * x * inverse2);
-        const float high = std::fabs(camera.view[3] - camera.view[2]) * pixel.y * std::sqrt(1.0f - y * y * inverse2);
-        return 0.5f * (wide + high) * std::sqrt(inverse2);
-    }
-    if (camera.type == scene::CameraType::Orthographic) return 0.0f;
-    const Vec3 d = panorama_direction(camera, film);
-    const Vec3 right = panorama_direction(camera, {film.x + pixel.x, film.y}), above = panorama_direction(camera, {film.x, film.y + pixel.y});
-    return 0.5f * (length(right - d) + length(above - d));
-}
-
 struct CameraRay {
     Vec3 origin, direction;   ///< camera space
     float near = 0, far = 0;  ///< along the ray
@@ -151,6 +136,7 @@ TALBOT_INLINE CameraRay camera_ray(const scene::Camera& camera, FilmPoint film, 
 namespace {
 
 /// Where the new paths of one span begin, in span scratch: pixel positions, sampler keys, then rays in world space.
+/// Loops that have to vectorise read `n` once: for all the compiler knows, a column is stored over it.
 struct NewPaths {
     int n = 0;
     int32_t *lane, *pixel, *px, *py;
@@ -158,6 +144,8 @@ struct NewPaths {
     float *film_x, *film_y, *lens_u, *lens_v;
     Columns3 origin, direction;
     float *near, *far, *time;
+    /// Angle, in radians, by which neighbouring pixels' rays through the lens' centre turn away: the mean of the one to the right and the one above.
+    float* spread;
     uint8_t* exists;
 };
 
@@ -168,19 +156,21 @@ NewPaths new_paths(SpanScratch& s) {
     p.film_x = s.u0, p.film_y = s.v0, p.lens_u = s.u1, p.lens_v = s.v1;
     p.origin = s.f, p.direction = s.wi;
     p.near = s.tmp, p.far = s.tmp2, p.time = s.time;
+    p.spread = s.pdf;
     p.exists = s.mask;
     return p;
 }
 
 /// The commonest camera, as a loop that vectorises.
 void pinhole_rays(const scene::Camera& camera, const NewPaths& paths) {
+    const int n = paths.n;
     const Column film_x = paths.film_x, film_y = paths.film_y, near = paths.near, far = paths.far;
     const Column ox = paths.origin.x, oy = paths.origin.y, oz = paths.origin.z, dx = paths.direction.x, dy = paths.direction.y, dz = paths.direction.z;
     const Affine m = camera.to_world;
     const float left = camera.view[0], width = camera.view[1] - camera.view[0], bottom = camera.view[2], height = camera.view[3] - camera.view[2];
     const float clip_start = camera.clip_start, clip_end = camera.clip_end;
     TALBOT_VECTOR_LOOP
-    for (int i = 0; i < paths.n; ++i) {
+    for (int i = 0; i < n; ++i) {
         const Vec3 film{left + width * film_x[i], bottom + height * film_y[i], -1.0f};
         const float along = std::sqrt(dot(film, film));
         const Vec3 d = normalize(transform_direction(m, film));
@@ -218,8 +208,35 @@ void general_rays(const scene::Camera& camera, const scene::Motion& motion, cons
     for (int i = 0; i < paths.n; ++i) general_ray(camera, paths, i);
 }
 
+/// NewPaths::spread of a perspective camera.
+void perspective_spread(const scene::Camera& camera, Vec2 pixel, const NewPaths& paths) {
+    const int n = paths.n;
+    const Column film_x = paths.film_x, film_y = paths.film_y, spread = paths.spread;
+    const float left = camera.view[0], width = camera.view[1] - camera.view[0], bottom = camera.view[2], height = camera.view[3] - camera.view[2];
+    const float wide = 0.5f * std::fabs(width) * pixel.x, high = 0.5f * std::fabs(height) * pixel.y;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const float x = left + width * film_x[i], y = bottom + height * film_y[i], x2 = x * x, y2 = y * y;
+        // The change of (x, y, -1) / length: shorter by the sine of the angle between it and the ray.
+        spread[i] = (wide * std::sqrt(1.0f + y2) + high * std::sqrt(1.0f + x2)) / (1.0f + x2 + y2);
+    }
+}
+
+/// NewPaths::spread of any camera; `pixel` is a pixel's size in film positions.
+void cone_spread(const scene::Camera& camera, Vec2 pixel, const NewPaths& paths) {
+    if (camera.type == scene::CameraType::Perspective) return perspective_spread(camera, pixel, paths);
+    const bool panorama = camera.type == scene::CameraType::Panoramic;
+    for (int i = 0; i < paths.n; ++i) {
+        const float x = paths.film_x[i], y = paths.film_y[i];
+        const Vec3 d = panorama ? panorama_direction(camera, {x, y}) : Vec3{};
+        paths.spread[i] =
+            panorama ? 0.5f * (length(panorama_direction(camera, {x + pixel.x, y}) - d) + length(panorama_direction(camera, {x, y + pixel.y}) - d)) : 0.0f;
+    }
+}
+
 /// Film positions and lens numbers of the span's paths.
 void sample_film(const RenderContext& context, const RenderUnit& unit, const NewPaths& paths, bool lens) {
+    const int n = paths.n;
     const scene::Settings& settings = *context.settings;
     const float block = float(unit.pixel_size);
     const float inverse_width = 1.0f / float(settings.width), inverse_height = 1.0f / float(settings.height);
@@ -230,7 +247,7 @@ void sample_film(const RenderContext& context, const RenderUnit& unit, const New
     const uint32_t* __restrict sample = paths.sample;
     const Column film_x = paths.film_x, film_y = paths.film_y, lens_u = paths.lens_u, lens_v = paths.lens_v;
     TALBOT_VECTOR_LOOP
-    for (int i = 0; i < paths.n; ++i) {
+    for (int i = 0; i < n; ++i) {
         key[i] = pixel_key(seed, uint32_t(py[i]) * width + uint32_t(px[i]));
         const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::PixelFilter));
         // The first sample is the pixel's centre, as in Cycles: passes of one sample show that.
@@ -240,7 +257,7 @@ void sample_film(const RenderContext& context, const RenderUnit& unit, const New
     }
     if (!lens) return;
     TALBOT_VECTOR_LOOP
-    for (int i = 0; i < paths.n; ++i) {
+    for (int i = 0; i < n; ++i) {
         const Vec2 u = sample_pair(key[i], sample[i], pair_dimension(0, Pair::Lens));
         lens_u[i] = u.x;
         lens_v[i] = u.y;
@@ -320,6 +337,7 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             pinhole_rays(camera, next);
         else
             general_rays(camera, motion, next);
+        cone_spread(camera, pixel, next);
 
         for (int i = 0; i < n; ++i) {
             const int32_t lane = next.lane[i];
@@ -336,9 +354,8 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             paths.bsdf_pdf[lane] = 0.0f;
             paths.min_pdf[lane] = 3.0e38f;
             paths.mis_t[lane] = 0.0f;
-            const float spread = pixel_angle(camera, {next.film_x[i], next.film_y[i]}, pixel);
-            paths.cone_spread[lane] = spread;
-            paths.cone_width[lane] = orthographic ? pixel_extent : spread * next.near[i];
+            paths.cone_spread[lane] = next.spread[i];
+            paths.cone_width[lane] = orthographic ? pixel_extent : next.spread[i] * next.near[i];
             paths.pixel[lane] = next.pixel[i];
             paths.key[lane] = next.key[i];
             if (moves) paths.time[lane] = next.time[i];
