@@ -106,6 +106,7 @@ void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp,
     rect.center = lamp.center;
     rect.half_x = 0.5f * length(x) * std::abs(light.size_x);
     rect.half_y = 0.5f * length(y) * std::abs(size_y);
+    rect.ellipse_area = kPi * rect.half_x * rect.half_y;
     rect.axis_x = any_unit(x, {1, 0, 0});
     rect.axis_y = any_unit(y - rect.axis_x * dot(rect.axis_x, y), {0, 1, 0});
     if (std::abs(dot(x, y)) > 1e-3f * length(x) * length(y)) report.warning("A sheared area light shines as a rectangle", light.name);

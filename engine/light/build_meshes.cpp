@@ -211,6 +211,7 @@ bool as_rect(const TriangleSet& set, const MeshEmitter& emitter, const shader::P
     rect.normal = set.sides == 2 ? -n : n;
     rect.half_x = 0.5f * lx;
     rect.half_y = 0.5f * ly;
+    rect.ellipse_area = kPi * rect.half_x * rect.half_y;
     rect.two_sided = set.sides == 3 ? 1.0f : 0.0f;
     return true;
 }

@@ -61,6 +61,7 @@ struct Rect {
     Vec3 center, axis_x, axis_y, normal;
     float half_x = 0, half_y = 0;
     float is_ellipse = 0;
+    float ellipse_area = 0;  ///< of an ellipse with these half axes
     float two_sided = 0;
     float tan_limit = 1e18f;  ///< tangent of half the spread
 };

@@ -22,11 +22,6 @@ TALBOT_INLINE bool is_black(Rgb c) {
     return c.x == 0.0f && c.y == 0.0f && c.z == 0.0f;
 }
 
-/// Scattered rays never hit such a lamp (its MIS is switched off): its light samples bring all of its light.
-TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility) {
-    return (hit_visibility & int32_t(scene::kVisibleAll) & ~int32_t(scene::kVisibleCamera)) == 0;
-}
-
 void sample_local(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
                   LightScratch& scratch, const LightSamples& out) {
     int32_t emitter[kSpan];
@@ -55,8 +50,12 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         take(query.u, group.u);
         take(query.v, group.v);
         take(query.pick_v, group.part);
-        for (int i = 0; i < n; ++i) group.depth[i] = query.bounce[group.lane[i]] + 1;
-        for (int i = 0; i < n; ++i) group.time[i] = query.time ? query.time[group.lane[i]] : 0.5f;
+        take(query.bounce, group.depth);
+        for (int i = 0; i < n; ++i) ++group.depth[i];
+        if (query.time)
+            take(query.time, group.time);
+        else
+            std::fill_n(group.time, n, 0.5f);
         switch (kind) {
             case EmitterKind::Rect:
                 sample_rects(table, programs, group, found);
@@ -108,10 +107,7 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         put(found.pdf, out.pdf);
         put(found.visibility, out.visibility);
         put(found.blockers, out.blockers);
-        const uint8_t is_delta = kind == EmitterKind::Point;
-        for (int i = 0; i < n; ++i)
-            out.is_delta[group.lane[i]] =
-                is_delta || has_own_blockers(found.blockers[i]) || (found.lamp[i] >= 0 && is_only_sampled(table.lamps[found.lamp[i]].hit_visibility));
+        for (int i = 0; i < n; ++i) out.is_delta[group.lane[i]] = uint8_t(found.only_sampled[i]);
     }
 }
 

@@ -1,21 +1,30 @@
 #include "light/kernels/sample_local.h"
 
+#include <algorithm>
+
 #include "light/kernels/moving_mesh.h"
 
 namespace talbot::light {
 inline namespace TALBOT_ISA {
 namespace {
 
-TALBOT_INLINE void describe_lamps(const EmitterView& table, const LocalGroup& in, LocalSampled& out) {
-    for (int i = 0; i < in.n; ++i) {
-        const int32_t index = table.emitters[in.emitter[i]].lamp;
-        const Lamp& lamp = table.lamps[index];
-        out.lamp[i] = index;
-        out.object[i] = -1;
-        out.visibility[i] = lamp.visibility;
-        out.blockers[i] = lamp.blockers;
-        out.max_bounces[i] = lamp.max_bounces;
-    }
+TALBOT_INLINE void describe_lamp(const EmitterView& table, int32_t index, bool is_delta, int i, LocalSampled& out) {
+    const Lamp& lamp = table.lamps[index];
+    out.lamp[i] = index;
+    out.object[i] = -1;
+    out.visibility[i] = lamp.visibility;
+    out.blockers[i] = lamp.blockers;
+    out.max_bounces[i] = lamp.max_bounces;
+    out.only_sampled[i] = is_delta || has_own_blockers(lamp.blockers) || is_only_sampled(lamp.hit_visibility);
+}
+
+TALBOT_INLINE void describe_mesh(const MeshEmitter& mesh, int i, LocalSampled& out) {
+    out.lamp[i] = -1;
+    out.object[i] = mesh.object;
+    out.visibility[i] = mesh.visibility;
+    out.blockers[i] = mesh.blockers;
+    out.max_bounces[i] = INT32_MAX;
+    out.only_sampled[i] = has_own_blockers(mesh.blockers);
 }
 
 template <EmitterKind kind>
@@ -52,10 +61,43 @@ TALBOT_INLINE void sample_kind(const EmitterView& table, const LocalGroup& in, L
     }
 }
 
+/// Of each lane: its rectangle, and the profile of its spread.
+struct RectColumns {
+    int32_t index[kSpan];
+    float inv_tan[kSpan], gain[kSpan];
+};
+
+/// `kOne`: all lanes have the same rectangle, which then stays in registers. Both ways give the same bits: no product is the same for all lanes of one
+/// rectangle, and could be rounded apart from the sum that it is part of.
+template <bool kOne>
+TALBOT_INLINE void sample_rect_lanes(const Rect* __restrict rects, const RectColumns& columns, const LocalGroup& in, LocalSampled& out) {
+    const int n = in.n;
+    const Rect one = rects[columns.index[0]];
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        const Rect& rect = kOne ? one : rects[columns.index[i]];
+        const RectView view = view_rect(rect, {in.px[i], in.py[i], in.pz[i]});
+        const ShapeSample s = sample_rect(rect, view, in.u[i], in.v[i]);
+        const float x = s.a + view.x, y = s.b + view.y;
+        const float profile = spread_profile(columns.inv_tan[i], columns.gain[i], x, y, view.z);
+        const float lit = ellipse_margin(rect, s.a, s.b) >= 0.0f ? profile : 0.0f;
+        out.x[i] = s.wi.x;
+        out.y[i] = s.wi.y;
+        out.z[i] = s.wi.z;
+        out.distance[i] = s.distance;
+        out.pdf[i] = s.pdf;
+        out.r[i] *= lit;
+        out.g[i] *= lit;
+        out.b[i] *= lit;
+        out.coordinate_u[i] = s.a;
+        out.coordinate_v[i] = s.b;
+    }
+}
+
 }  // namespace
 
 void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalGroup& in, LocalSampled& out) {
-    describe_lamps(table, in, out);
+    for (int i = 0; i < in.n; ++i) describe_lamp(table, table.emitters[in.emitter[i]].lamp, kind == EmitterKind::Point, i, out);
     switch (kind) {
         case EmitterKind::Point:
             sample_kind<EmitterKind::Point>(table, in, out);
@@ -82,56 +124,40 @@ void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalG
 
 void sample_rects(const EmitterView& table, const shader::Programs& programs, const LocalGroup& in, LocalSampled& out) {
     // Everything that is not geometry first: lamps and meshes that are rectangles share the rest.
-    int32_t index[kSpan];
-    float inv_tan[kSpan], gain[kSpan];
+    RectColumns columns;
     const int n = in.n;
-    for (int i = 0; i < n; ++i) {
+    const auto describe = [&](int i) {
         const Emitter& emitter = table.emitters[in.emitter[i]];
-        index[i] = emitter.rect;
-        out.lamp[i] = emitter.lamp;
+        columns.index[i] = emitter.rect;
         if (emitter.lamp >= 0) {
             const Lamp& lamp = table.lamps[emitter.lamp];
             store({out.r, out.g, out.b}, i, lamp.power);
-            inv_tan[i] = lamp.inv_tan_limit;
-            gain[i] = lamp.gain;
-            out.object[i] = -1;
-            out.visibility[i] = lamp.visibility;
-            out.blockers[i] = lamp.blockers;
-            out.max_bounces[i] = lamp.max_bounces;
+            columns.inv_tan[i] = lamp.inv_tan_limit;
+            columns.gain[i] = lamp.gain;
+            describe_lamp(table, emitter.lamp, false, i, out);
         } else {
             const MeshEmitter& mesh = table.meshes[emitter.mesh];
             store({out.r, out.g, out.b}, i, programs.shaders[size_t(table.triangles[mesh.first].shader)].constant_emission);
-            inv_tan[i] = 0.0f;
-            gain[i] = 1.0f;
-            out.object[i] = mesh.object;
-            out.visibility[i] = mesh.visibility;
-            out.blockers[i] = mesh.blockers;
-            out.max_bounces[i] = INT32_MAX;
+            columns.inv_tan[i] = 0.0f;
+            columns.gain[i] = 1.0f;
+            describe_mesh(mesh, i, out);
         }
-    }
-    const Rect* __restrict rects = table.rects;
-    TALBOT_VECTOR_LOOP
-    for (int i = 0; i < n; ++i) {
-        const Rect& rect = rects[index[i]];
-        const RectView view = view_rect(rect, {in.px[i], in.py[i], in.pz[i]});
-        const ShapeSample s = sample_rect(rect, view, in.u[i], in.v[i]);
-        const float x = s.a + view.x, y = s.b + view.y;
-        const float profile = spread_profile(inv_tan[i], gain[i], x, y, view.z);
-        const float lit = ellipse_margin(rect, s.a, s.b) >= 0.0f ? profile : 0.0f;
-        out.x[i] = s.wi.x;
-        out.y[i] = s.wi.y;
-        out.z[i] = s.wi.z;
-        out.distance[i] = s.distance;
-        out.pdf[i] = s.pdf;
-        out.r[i] *= lit;
-        out.g[i] *= lit;
-        out.b[i] *= lit;
-        out.coordinate_u[i] = s.a;
-        out.coordinate_v[i] = s.b;
+    };
+    int others = 0;
+    for (int i = 0; i < n; ++i) others += in.emitter[i] != in.emitter[0];
+    if (others == 0) {
+        describe(0);
+        for (auto* column : {columns.inv_tan, columns.gain, out.r, out.g, out.b}) std::fill_n(column, n, column[0]);
+        for (auto* column : {columns.index, out.lamp, out.object, out.visibility, out.blockers, out.max_bounces, out.only_sampled})
+            std::fill_n(column, n, column[0]);
+        sample_rect_lanes<true>(table.rects, columns, in, out);
+    } else {
+        for (int i = 0; i < n; ++i) describe(i);
+        sample_rect_lanes<false>(table.rects, columns, in, out);
     }
     if (!table.has_lamp_programs) return;
     for (int i = 0; i < n; ++i) {
-        const Rect& rect = rects[index[i]];
+        const Rect& rect = table.rects[columns.index[i]];
         out.nx[i] = rect.normal.x;
         out.ny[i] = rect.normal.y;
         out.nz[i] = rect.normal.z;
@@ -161,11 +187,7 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
         shader[i] = triangle.shader;
         primitive[i] = triangle.primitive;
         store({out.r, out.g, out.b}, i, programs.shaders[size_t(triangle.shader)].constant_emission);
-        out.lamp[i] = -1;
-        out.object[i] = mesh.object;
-        out.visibility[i] = mesh.visibility;
-        out.blockers[i] = mesh.blockers;
-        out.max_bounces[i] = INT32_MAX;
+        describe_mesh(mesh, i, out);
     }
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {

@@ -26,6 +26,7 @@ struct LocalSampled {
     int32_t visibility[kSpan], object[kSpan], max_bounces[kSpan];
     int32_t blockers[kSpan];
     int32_t lamp[kSpan];                    ///< -1: mesh
+    int32_t only_sampled[kSpan];            ///< 1: light of it that scattering finds does not count
     float nx[kSpan], ny[kSpan], nz[kSpan];  ///< lamp programs only
     float coordinate_u[kSpan], coordinate_v[kSpan];
 };
@@ -36,6 +37,11 @@ void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalG
 void sample_rects(const EmitterView& table, const shader::Programs& programs, const LocalGroup& in, LocalSampled& out);
 void sample_meshes(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
                    const LocalGroup& in, LocalSampled& out);
+
+/// Scattered rays never hit such a lamp (its MIS is switched off): its light samples bring all of its light.
+TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility) {
+    return (hit_visibility & int32_t(scene::kVisibleAll) & ~int32_t(scene::kVisibleCamera)) == 0;
+}
 
 /// Where a picture's (x, y) lie as shaders get it: they read 1 - u - v and u, as on triangles.
 TALBOT_INLINE void picture_coordinates(float x, float y, float& u, float& v) {

@@ -66,7 +66,6 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     const float rounding = 1e-6f * (sum_abs(o) + sum_abs(r.center) + r.half_x + r.half_y);
     v.visible = minf(v.z - rounding, minf(v.x1 - v.x0, v.y1 - v.y0));
     const float clipped = (v.x1 - v.x0) * (v.y1 - v.y0);
-    const float ellipse = kPi * r.half_x * r.half_y;
 
     // Angles at the corners of the spherical rectangle. cos = -n_i n_j; the sine from 1 - n^2 = z^2 / (z^2 + e^2), which does not cancel.
     const float z2 = maxf(v.z * v.z, 1e-36f);
@@ -80,8 +79,8 @@ TALBOT_INLINE RectView view_rect(const Rect& r, Vec3 o) {
     v.k = kTwoPi - sum_of_angles(-n2 * n3, b2, -n3 * n0, b3);
     v.solid_angle = sum_of_angles(-n0 * n1, b0, -n1 * n2, b1) - v.k;
     v.by_angle = v.solid_angle - (r.is_ellipse > 0.0f ? kEllipseBySolidAngle : kRectBySolidAngle);
-    v.by_ellipse = r.is_ellipse > 0.0f ? clipped - ellipse : 0.0f;
-    v.inv_area = 1.0f / maxf(v.by_ellipse > 0.0f ? ellipse : clipped, 1e-37f);
+    v.by_ellipse = r.is_ellipse > 0.0f ? clipped - r.ellipse_area : 0.0f;
+    v.inv_area = 1.0f / maxf(v.by_ellipse > 0.0f ? r.ellipse_area : clipped, 1e-37f);
     return v;
 }
 

@@ -264,5 +264,55 @@ TEST(Irradiance, BouncesLimitALamp) {
     }
 }
 
+/// Spans whose lanes chose one rectangle go another way than mixed ones: to the same bits.
+TEST(Samples, OfALaneDoNotDependOnItsNeighbours) {
+    Fixture f;
+    for (const AreaShape shape : {AreaShape::Rectangle, AreaShape::Ellipse, AreaShape::Disk}) {
+        scene::Light& l = f.add_light(LightType::Area, 100, {0.4f * float(f.scene.lights.size()), 0.2f, 1});
+        l.shape = shape;
+        l.size_x = 0.8f;
+        l.size_y = 0.5f;
+        l.spread = 2.0f;
+    }
+    f.build();
+    float p[3][kSpan], n_s[3][kSpan], u[4][kSpan];
+    int32_t bounce[kSpan];
+    std::mt19937 engine(5);
+    for (int i = 0; i < kSpan; ++i) {
+        for (auto& column : p) column[i] = unit_float(engine()) - 0.5f;
+        for (auto& column : u) column[i] = unit_float(engine());
+        for (auto& column : n_s) column[i] = 0.0f;
+        n_s[2][i] = 1.0f;
+        bounce[i] = 0;
+    }
+    const auto sample = [&](int begin, int n, Samples& samples) {
+        LightQuery query;
+        query.p = {p[0] + begin, p[1] + begin, p[2] + begin};
+        query.n_s = {n_s[0] + begin, n_s[1] + begin, n_s[2] + begin};
+        query.pick_u = u[0] + begin;
+        query.pick_v = u[1] + begin;
+        query.u = u[2] + begin;
+        query.v = u[3] + begin;
+        query.bounce = bounce + begin;
+        query.n = n;
+        sample_emitters(*f.table, Stratum::Local, query, f.programs, f.context, f.scratch, samples.out());
+    };
+    static Samples all, alone;
+    sample(0, kSpan, all);
+    int lit = 0;
+    for (int i = 0; i < kSpan; ++i) {
+        sample(i, 1, alone);
+        lit += all.r[i] > 0;
+        ASSERT_EQ(all.wx[i], alone.wx[0]) << i;
+        ASSERT_EQ(all.wy[i], alone.wy[0]) << i;
+        ASSERT_EQ(all.wz[i], alone.wz[0]) << i;
+        ASSERT_EQ(all.r[i], alone.r[0]) << i;
+        ASSERT_EQ(all.distance[i], alone.distance[0]) << i;
+        ASSERT_EQ(all.pdf[i], alone.pdf[0]) << i;
+        ASSERT_EQ(all.is_delta[i], alone.is_delta[0]) << i;
+    }
+    EXPECT_GT(lit, kSpan / 4);
+}
+
 }  // namespace
 }  // namespace talbot::light::test
