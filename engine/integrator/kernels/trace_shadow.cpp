@@ -75,11 +75,10 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
     return alive;
 }
 
-void trace_transparent(const RenderContext& context, Worker& worker) {
+void trace_transparent(const RenderContext& context, Worker& worker, const geometry::TraceOptions& options) {
     ShadowQueue& queue = worker.shadow;
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
     const uint32_t transparent = worker.catcher_pass ? kShadowTransparent << light::kCatcherShift : kShadowTransparent;
-    const geometry::TraceOptions options = trace_options(context);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
         queue.visibility[k] = int32_t(transparent | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
@@ -169,7 +168,7 @@ void trace_shadow(const RenderContext& context, Worker& worker, film::TileFilm& 
     if (context.recorder) context.recorder->record(context.recorder->user, rays, queue.list, n, queue.visibility, true, options);
     geometry::occluded(*context.accelerator, rays, queue.list, n, queue.visibility, queue.blocked, options);
     worker.counters.shadow_rays += uint64_t(n);
-    if (context.has_transparent_shadows) trace_transparent(context, worker);
+    if (context.has_transparent_shadows) trace_transparent(context, worker, options);
     add_unblocked(context, worker, tile);
     queue.n = 0;
 }
