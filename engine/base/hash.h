@@ -13,11 +13,15 @@ TALBOT_INLINE uint32_t rotate_left(uint32_t x, int k) {
 }
 
 namespace detail {
+struct JenkinsState {
+    uint32_t a, b, c;
+};
 /// What the hash is made of in its last step: (c ^ b) - rotate_left(b, 24).
 struct JenkinsEnd {
     uint32_t b, c;
 };
-TALBOT_INLINE JenkinsEnd jenkins_rounds(uint32_t a, uint32_t b, uint32_t c) {
+TALBOT_INLINE JenkinsEnd jenkins_rounds(JenkinsState state) {
+    auto [a, b, c] = state;
     c ^= b;
     c -= rotate_left(b, 14);
     a ^= c;
@@ -32,33 +36,23 @@ TALBOT_INLINE JenkinsEnd jenkins_rounds(uint32_t a, uint32_t b, uint32_t c) {
     b -= rotate_left(a, 14);
     return {b, c};
 }
-TALBOT_INLINE uint32_t jenkins_final(uint32_t a, uint32_t b, uint32_t c) {
-    const JenkinsEnd e = jenkins_rounds(a, b, c);
-    return (e.c ^ e.b) - rotate_left(e.b, 24);
-}
 inline constexpr uint32_t jenkins_start(uint32_t words) {
     return 0xdeadbeefu + (words << 2) + 13u;
 }
-}  // namespace detail
-
-TALBOT_INLINE uint32_t hash_words(uint32_t x) {
-    const uint32_t s = detail::jenkins_start(1);
-    return detail::jenkins_final(s + x, s, s);
+/// The state before the last rounds, for one to four words.
+TALBOT_INLINE JenkinsState jenkins_state(uint32_t x) {
+    const uint32_t s = jenkins_start(1);
+    return {s + x, s, s};
 }
-TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y) {
-    const uint32_t s = detail::jenkins_start(2);
-    return detail::jenkins_final(s + x, s + y, s);
+TALBOT_INLINE JenkinsState jenkins_state(uint32_t x, uint32_t y) {
+    const uint32_t s = jenkins_start(2);
+    return {s + x, s + y, s};
 }
-TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y, uint32_t z) {
-    const uint32_t s = detail::jenkins_start(3);
-    return detail::jenkins_final(s + x, s + y, s + z);
+TALBOT_INLINE JenkinsState jenkins_state(uint32_t x, uint32_t y, uint32_t z) {
+    const uint32_t s = jenkins_start(3);
+    return {s + x, s + y, s + z};
 }
-namespace detail {
-struct JenkinsState {
-    uint32_t a, b, c;
-};
-/// Of four words the first three, mixed; the fourth is added to a.
-TALBOT_INLINE JenkinsState jenkins_mix(uint32_t x, uint32_t y, uint32_t z) {
+TALBOT_INLINE JenkinsState jenkins_state(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
     const uint32_t s = jenkins_start(4);
     uint32_t a = s + x, b = s + y, c = s + z;
     a -= c;
@@ -79,36 +73,21 @@ TALBOT_INLINE JenkinsState jenkins_mix(uint32_t x, uint32_t y, uint32_t z) {
     c -= b;
     c ^= rotate_left(b, 4);
     b += a;
-    return {a, b, c};
+    return {a + w, b, c};
 }
 }  // namespace detail
-TALBOT_INLINE uint32_t hash_words(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
-    const detail::JenkinsState s = detail::jenkins_mix(x, y, z);
-    return detail::jenkins_final(s.a + w, s.b, s.c);
-}
 
-namespace detail {
-TALBOT_INLINE uint32_t jenkins_low(uint32_t a, uint32_t b, uint32_t c) {
-    const JenkinsEnd e = jenkins_rounds(a, b, c);
-    return (e.c ^ e.b) - (e.b >> 8);
+/// Of one to four words.
+template <class... Words>
+TALBOT_INLINE uint32_t hash_words(Words... words) {
+    const detail::JenkinsEnd e = detail::jenkins_rounds(detail::jenkins_state(words...));
+    return (e.c ^ e.b) - rotate_left(e.b, 24);
 }
-}  // namespace detail
 /// The lower 24 bits are those of hash_words, the others are not: cheaper by a rotation, for those who need a few bits only.
-TALBOT_INLINE uint32_t hash_low(uint32_t x) {
-    const uint32_t s = detail::jenkins_start(1);
-    return detail::jenkins_low(s + x, s, s);
-}
-TALBOT_INLINE uint32_t hash_low(uint32_t x, uint32_t y) {
-    const uint32_t s = detail::jenkins_start(2);
-    return detail::jenkins_low(s + x, s + y, s);
-}
-TALBOT_INLINE uint32_t hash_low(uint32_t x, uint32_t y, uint32_t z) {
-    const uint32_t s = detail::jenkins_start(3);
-    return detail::jenkins_low(s + x, s + y, s + z);
-}
-TALBOT_INLINE uint32_t hash_low(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
-    const detail::JenkinsState s = detail::jenkins_mix(x, y, z);
-    return detail::jenkins_low(s.a + w, s.b, s.c);
+template <class... Words>
+TALBOT_INLINE uint32_t hash_low(Words... words) {
+    const detail::JenkinsEnd e = detail::jenkins_rounds(detail::jenkins_state(words...));
+    return (e.c ^ e.b) - (e.b >> 8);
 }
 
 /// [0, 1]
