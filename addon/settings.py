@@ -286,6 +286,7 @@ def engine_settings(
         "film_transparent": render.film_transparent,
         "film_transparent_glass": talbot.film_transparent_glass,
         "film_transparent_roughness": talbot.film_transparent_roughness,
+        "pass_alpha_threshold": view_layer.pass_alpha_threshold,
         "threads": render.threads if render.threads_mode == "FIXED" else 0,
         "ocio_config": ocio_config(),
         "working_space": versions.working_space(),

@@ -15,7 +15,7 @@
 #pragma once
 
 #include "base/lanes.h"
-#include "scene/scene.h"
+#include "closure/versions.h"
 
 namespace talbot {
 
@@ -73,7 +73,7 @@ struct ClosureGeometry {
     ConstColumns3 wo;
     ConstColumns3 ng;
     ConstColumns3 ns;  ///< the normal that closures' normals are compared with for bump shadowing: interpolated, bent by displacement only
-    scene::BlenderVersion version = 502;
+    ClosureSemantics semantics;
     bool bump_correction = true;
 };
 

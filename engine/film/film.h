@@ -177,8 +177,7 @@ void add_background(TileFilm& tile, const int32_t* pixel, ConstColumns3 rgb, int
 /// One of the scene's AOVs, as it comes: neither throughput nor opacity weigh it. `writes`: by how many nodes.
 void add_aov(TileFilm& tile, int aov, int writes, const int32_t* pixel, ConstColumns3 rgb, int n);
 /// First-hit data pass of `pass_channels(kind)` columns, weighted (1 at opaque first hits; transparent ones carry their share).
-/// Single-sample passes keep the latest value until one came with a weight of at least 0.5 (Blender's pass_alpha_threshold): exactly Blender's rule when
-/// only the first sample's lanes are sent, and very nearly when all are. Mist takes `mist_amount`. Passes that are not wanted are ignored.
+/// Single-sample passes keep the latest value. Mist takes `mist_amount`. Passes that are not wanted are ignored.
 void add_data(TileFilm& tile, scene::PassKind kind, const int32_t* pixel, const float* const* columns, const float* weight, int n);
 
 }  // namespace TALBOT_ISA

@@ -54,9 +54,6 @@ struct RenderContext {
     bool time_stages = false;               ///< fill Counters::stage_ns
 };
 
-/// Object mask bits beyond scene::Visibility, set after compiling: which shadow casters may let light through.
-inline constexpr uint32_t kShadowTransparent = 64;
-
 /// Pixels and a range of their samples. One worker renders it alone.
 struct RenderUnit {
     const film::PackedPixel* pixels = nullptr;  ///< of the film, which is the crop

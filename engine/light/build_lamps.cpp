@@ -145,7 +145,7 @@ void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp,
 /// Rays that may hit the lamp: without MIS those of the camera only.
 int32_t hit_visibility(const scene::Light& light) {
     const uint32_t visibility = light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera;
-    return int32_t(with_catcher_bits(visibility, light.is_shadow_catcher));
+    return int32_t(scene::with_catcher_bits(visibility, light.is_shadow_catcher));
 }
 
 void add_sun(const scene::Light& light, scene::Handle handle, bool today, const LampShader& own, EmitterTable& table) {
@@ -165,7 +165,7 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     }
     sun.power = light.color * own.factor * float(double(light.power) * factor);
     sun.program_shader = own.program_shader;
-    sun.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
+    sun.visibility = int32_t(scene::with_catcher_bits(light.visibility, light.is_shadow_catcher));
     sun.hit_visibility = hit_visibility(light);
     sun.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
     sun.receivers = light.linking.receivers;
@@ -195,7 +195,7 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.center = column(light.to_world, 3);
         lamp.power = light.color * own.factor * light.power;
         lamp.program_shader = own.program_shader;
-        lamp.visibility = int32_t(with_catcher_bits(light.visibility, light.is_shadow_catcher));
+        lamp.visibility = int32_t(scene::with_catcher_bits(light.visibility, light.is_shadow_catcher));
         lamp.hit_visibility = hit_visibility(light);
         lamp.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
         lamp.receivers = light.linking.receivers;

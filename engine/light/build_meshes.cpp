@@ -256,7 +256,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         emitter.space = mesh.motion_positions ? TreeSpace::Bent : tree_space(object.to_world);
         emitter.map = set.map;
         emitter.object = i;
-        emitter.visibility = int32_t(with_catcher_bits(object.visibility, object.is_shadow_catcher));
+        emitter.visibility = int32_t(scene::with_catcher_bits(object.visibility, object.is_shadow_catcher));
         emitter.blockers = int32_t(shadow_mask(object.linking));
         emitter.front_sign = object.negative_scale ? -1.0f : 1.0f;
         Reach reach;

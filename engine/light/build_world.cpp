@@ -147,7 +147,7 @@ float make_world_map(const std::vector<float>& fine, int width, int height, Emit
 float add_world(const scene::Scene& scene, const shader::Programs& programs, const shader::ShaderContext& context, WorkerPool& pool,
                 const std::atomic<bool>* cancel, EmitterTable& table) {
     EmitterSummary& summary = table.summary;
-    summary.world_visibility = with_catcher_bits(scene.world.visibility, true);
+    summary.world_visibility = scene::with_catcher_bits(scene.world.visibility, true);
     summary.world_is_black = true;
     table.view.world_visibility = int32_t(summary.world_visibility);
     table.view.world_max_bounces = scene.world.max_bounces;

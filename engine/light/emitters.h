@@ -17,14 +17,6 @@
 
 namespace talbot::light {
 
-/// Visibility bits, shifted this far to the left, of what shadow catchers stand for: the catchers themselves and the light that counts as real. Their rays
-/// have only such bits.
-inline constexpr int kCatcherShift = 25;
-static_assert(scene::kBlockerBits < 1u << kCatcherShift && (scene::kBlockerBits & (scene::kVisibleAll | 64)) == 0);
-TALBOT_INLINE uint32_t with_catcher_bits(uint32_t visibility, bool is_shadow_catcher) {
-    return visibility | (is_shadow_catcher ? (visibility & 127u) << kCatcherShift : 0u);
-}
-
 enum class Stratum : uint8_t { Local, Distant };
 
 /// Emitters of a render, read-only while rendering. Built by `build_emitters`; layout in emitter_table.h.

@@ -89,6 +89,7 @@ Settings read_settings(const py::dict& values) {
     f("mist_start", s.mist_start);
     f("mist_depth", s.mist_depth);
     f("mist_falloff", s.mist_falloff);
+    f("pass_alpha_threshold", s.pass_alpha_threshold);
     f("use_emission_sampling", s.use_emission_sampling);
     f("threads", s.threads);
     f("ocio_config", s.ocio_config);

@@ -24,7 +24,8 @@ enum Visibility : uint32_t {
     kVisibleTransmission = 8,
     kVisibleVolume = 16,
     kVisibleShadow = 32,
-    kVisibleRaycast = 128,  ///< met by the Raycast node's rays; 64 is taken by the accelerator's own kind of shadow ray
+    kVisibleTransparentShadow = 64,  ///< of casters that may let light through, instead of kVisibleShadow: set by the session once materials are compiled
+    kVisibleRaycast = 128,           ///< met by the Raycast node's rays
     kVisibleAll = 63 | kVisibleRaycast,
 };
 
@@ -45,6 +46,14 @@ constexpr uint32_t shadow_mask(const Linking& linking) {
 constexpr int32_t blocker_group(uint32_t mask) {
     return int32_t((mask & kBlockerBits) >> kBlockerShift) - 1;
 }
+
+/// Visibility bits, shifted this far to the left, of what shadow catchers stand for: the catchers themselves and the light that counts as real. Their rays
+/// have only such bits.
+inline constexpr int kCatcherShift = 25;
+constexpr uint32_t with_catcher_bits(uint32_t visibility, bool is_shadow_catcher) {
+    return visibility | (is_shadow_catcher ? (visibility & (kVisibleRaycast - 1)) << kCatcherShift : 0u);
+}
+static_assert((kBlockerBits & (kVisibleAll | kVisibleTransparentShadow)) == 0 && kBlockerBits < 1u << kCatcherShift);
 
 enum class Domain : uint8_t { Vertex, Corner, Face, Triangle, Object };
 
@@ -286,7 +295,8 @@ struct Settings {
     bool film_transparent = false, film_transparent_glass = false;
     float film_transparent_roughness = 0.1f;
     float mist_start = 5, mist_depth = 25;
-    int mist_falloff = 0;  ///< 0 quadratic, 1 linear, 2 inverse quadratic
+    int mist_falloff = 0;               ///< 0 quadratic, 1 linear, 2 inverse quadratic
+    float pass_alpha_threshold = 0.5f;  ///< data passes show the first surface that is at least so opaque
     bool use_emission_sampling = true;
     int threads = 0;                                           ///< 0: all
     std::string ocio_config;                                   ///< path of Blender's config.ocio; "" : built-in sRGB and linear only

@@ -20,7 +20,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 8;
+constexpr uint32_t kVersion = 9;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -177,6 +177,7 @@ void fields(A& a, Is<Settings> auto& s) {
       s.mist_start, s.mist_depth, s.mist_falloff, s.use_emission_sampling, s.threads, s.ocio_config, s.working_space, s.luminance_weights, s.instruction_set,
       s.viewport);
     a.since(7, s.offscreen_dicing_scale);
+    a.since(9, s.pass_alpha_threshold);
 }
 template <class A>
 void fields(A& a, Is<Aov> auto& s) {

@@ -42,7 +42,7 @@ void mark_transparent_casters(RenderData& data) {
             transparent = transparent || !is_opaque(data.programs.shaders[size_t(shader)]);
         }
         if (!transparent) continue;
-        object.visibility = (object.visibility & ~uint32_t(scene::kVisibleShadow)) | integrator::kShadowTransparent;
+        object.visibility = (object.visibility & ~uint32_t(scene::kVisibleShadow)) | scene::kVisibleTransparentShadow;
         data.has_transparent_shadows = true;
     }
 }
@@ -154,7 +154,7 @@ void update_render_data(Session::State& s) {
         timed("Updating objects", &Statistics::update_seconds, [&] {
             scene::make_scene_view(scene, data.programs.default_shader, data.tables);
             mark_transparent_casters(data);
-            for (scene::ObjectView& object : data.tables.objects) object.visibility = light::with_catcher_bits(object.visibility, object.is_shadow_catcher);
+            for (scene::ObjectView& object : data.tables.objects) object.visibility = scene::with_catcher_bits(object.visibility, object.is_shadow_catcher);
             data.has_catchers = has_catchers(scene);
         });
     }

@@ -64,7 +64,8 @@ void compile_metallic(NodeContext& n, Value3 weight) {
     const bool multi = distribution == MultiGgx, beckmann = distribution == Beckmann;
     if (conductor) {
         const Value3 eta = e.max(n.vector("IOR"), 0.0f), k = e.max(n.vector("Extinction"), 0.0f);
-        const Value3 mean = m.op3(ClosureOp::ConductorMean, {eta.x, eta.y, eta.z, k.x, k.y, k.z, e.literal(n.semantics.conductor_approximate ? 1.0f : 0.0f)});
+        const Value3 mean =
+            m.op3(ClosureOp::ConductorMean, {eta.x, eta.y, eta.z, k.x, k.y, k.z, e.literal(n.semantics.closures.conductor_approximate ? 1.0f : 0.0f)});
         const Value3 gain = multi ? m.reflect_energy(normal, width, mean) : m.white();
         m.reflection(e.mul(weight, gain), normal, width, FresnelKind::Conductor, {eta.x, eta.y, eta.z, k.x, k.y, k.z}, beckmann, false, film);
         return;

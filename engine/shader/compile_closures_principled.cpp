@@ -118,7 +118,7 @@ struct Layers : ClosureMaker {
         Value3 albedo = e.triple(e.after(s, 4));
         if (film.exists) {
             const Value3 colored = op3(ClosureOp::FilmAlbedo, {glossy.x, glossy.y, glossy.z, wo.x, wo.y, wo.z, s, f0.x, f0.y, f0.z, film.thickness, film.ior,
-                                                               e.literal(n.semantics.film_fitted ? 1.0f : 0.0f)});
+                                                               e.literal(n.semantics.closures.film_fitted ? 1.0f : 0.0f)});
             albedo = e.select(e.binary(BinaryKind::GreaterThan, film.thickness, e.literal(kThinnestFilm)), colored, albedo);
         }
         Value3 gain = white(), layer = albedo;

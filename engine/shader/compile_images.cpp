@@ -98,7 +98,7 @@ void compile_ies(NodeContext& n) {
     const std::vector<float>* table = n.table("ies_table");
     const size_t rows = table && table->size() > 2 ? size_t((*table)[0]) : 0, columns = rows ? size_t((*table)[1]) : 0;
     bool usable = rows >= 2 && columns >= 2 && table->size() == 2 + rows + columns + rows * columns;
-    if (usable && n.semantics.ies_old && (*table)[2 + rows] > 0) {
+    if (usable && n.semantics.ies_from_pole && (*table)[2 + rows] > 0) {
         n.warn("This Blender's Cycles wants vertical angles from 0: the IES file is not used");
         usable = false;
     }
@@ -109,7 +109,7 @@ void compile_ies(NodeContext& n) {
     const Value3 d = e.normalize(n.linked("Vector") ? n.vector("Vector") : leaving());
     const Value down = e.ternary(TernaryKind::Clamp, e.negate(d.z), e.literal(-1), e.literal(1));
     const Value around = e.add(e.binary(BinaryKind::ArcTangent2, d.x, d.y), float(M_PI));
-    n.set("Fac", e.mul(strength, e.emit(Op::Ies, n.semantics.ies_old ? 1 : 0, {around, e.unary(UnaryKind::ArcCosine, down), e.table(*table)})));
+    n.set("Fac", e.mul(strength, e.emit(Op::Ies, uint8_t(n.semantics.ies_ends), {around, e.unary(UnaryKind::ArcCosine, down), e.table(*table)})));
 }
 
 constexpr CatalogueEntry kEntries[] = {

@@ -58,9 +58,9 @@ enum class Op : uint16_t {
     Checker,       ///< x, y, z (scaled) -> 0 or 1
     Gradient,      ///< x, y, z -> fac. variant: GradientKind
     RadialTiling,  ///< x, y, sides, roundness -> parameter along the side, distance, id, width, rotation. variant: 1 normalised
-    Ies,   ///< horizontal and vertical angle, offset bits -> intensity. variant: 1 wraps below the first horizontal angle. Table: counts, angles, values by
-           ///< horizontal angle
-    Grid,  ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
+    Ies,           ///< horizontal and vertical angle, offset bits -> intensity. variant: IesEnds. Table: counts, angles, values by
+                   ///< horizontal angle
+    Grid,          ///< u, v, offset bits -> rgb, bilinear between the middles of cells, held at the edges. data: width << 16 | height
 
     // Surface
     Fresnel,      ///< cosine, eta -> reflectance
@@ -214,6 +214,8 @@ enum class BlendKind : uint8_t {
 };
 enum class ConvertKind : uint8_t { RgbToHsv, HsvToRgb, RgbToHsl, HslToRgb };
 enum class ProjectKind : uint8_t { Sphere, Tube, Equirectangular, MirrorBall };
+/// What IES tables read beyond their ends, below the first vertical angle of 0 excepted: the other end's values horizontally, zeros, or the end's own value.
+enum class IesEnds : uint8_t { Wrap, Zero, Stay };
 enum class GradientKind : uint8_t { Linear, Quadratic, Easing, Diagonal, Spherical, QuadraticSphere, Radial };
 
 /// Bits of Noise and SignedNoise variants.

@@ -1,24 +1,25 @@
 /// What Blender's versions mean by the same node, as data: compile functions ask these switches, never the version number.
 #pragma once
 
-#include "scene/scene.h"
+#include "closure/versions.h"
+#include "shader/op.h"
 #include "shader/spectra.h"
 
 namespace talbot::shader {
 
 struct Semantics {
+    ClosureSemantics closures;
     bool noise_wraps = true;               ///< noise coordinates are wrapped at 1e5 (not in 3.4)
     bool noise_roughness_clamped = false;  ///< roughness of fractal noise is limited to 1 (3.4)
     bool voronoi_integer_hash = true;      ///< 2D to 4D cells by an integer hash; hashed floats before 5.0
     bool sky_full_dome = true;             ///< sky tables reach below the horizon, and the sun shines in front of the sky (from 5.0)
-    bool ies_old = false;                  ///< IES tables wrap below their first horizontal angle, and must begin at the pole (before 5.0)
+    IesEnds ies_ends = IesEnds::Stay;      ///< what IES tables read beyond their ends
+    bool ies_from_pole = false;            ///< IES tables must begin at the pole (before 4.2)
     bool ies_by_normal = false;            ///< IES tables are asked along the normal unless something is linked: of area lamps one direction (before 4.0)
     bool normal_map_scales_slope = true;   ///< strength of tangent-space normal maps (mixes normals before 4.2)
     bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
     bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
     bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
-    bool film_fitted = false;              ///< thin films have the colours of a fit of the observer, and fade out below 30 nm (before 5.0)
-    bool conductor_approximate = false;    ///< conductors reflect as if light went straight down inside them (before 5.0)
     bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
     bool coat_as_mirror =
         false;  ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is, whose facets lose light among them (before 4.5)
@@ -51,8 +52,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.transform_normalizes = version < 402;
     s.bump_suits_reflections = version < 400;
     s.brick_clamps = version >= 402;
-    s.film_fitted = version < 500;
-    s.conductor_approximate = version < 500;
+    s.closures = closure_semantics_of(version);
     s.metal_has_film = version >= 500;
     s.coat_as_mirror = version < 405;
     s.principled_v1 = version < 400;
@@ -61,7 +61,8 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.diffuse_normals_bend = version < 400;
     s.diffuse_bounces_once = version < 403;
     s.hair_tilts_light = version < 402;
-    s.ies_old = version < 500;
+    s.ies_ends = version < 402 ? IesEnds::Wrap : version < 500 ? IesEnds::Zero : IesEnds::Stay;
+    s.ies_from_pole = version < 402;
     s.ies_by_normal = version < 400;
     s.rec709 = version >= 500 ? Rec709::Exact : Rec709::Rounded;
     s.hair_section_faces_up = version > 500;

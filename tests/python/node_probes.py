@@ -355,12 +355,12 @@ def images() -> Iterator[Probe]:
         yield f"env/{projection}", node("ShaderNodeTexEnvironment", {}, 0, (0.5, -0.3, 0.2), **more)
 
 
-def ies_file(vertical: int, horizontal: int, turn: float, pole: float = 0.0) -> Any:
-    """A text of type C photometry: brighter to two sides, over part of the turn."""
+def ies_file(vertical: int, horizontal: int, turn: float, pole: float = 0.0, sides: float = 2.0) -> Any:
+    """A text of type C photometry: brighter to some sides, over part of the turn."""
     downs = [pole + (180 - 2 * pole) * i / (vertical - 1) for i in range(vertical)]
     turns = [turn * i / max(horizontal - 1, 1) for i in range(horizontal)]
     values = [
-        500 + 400 * math.cos(2 * math.radians(h)) * math.sin(math.radians(v)) + 3 * v for h in turns for v in downs
+        500 + 400 * math.cos(sides * math.radians(h)) * math.sin(math.radians(v)) + 3 * v for h in turns for v in downs
     ]
     text = bpy.data.texts.new("ies")
     text.write(f"IESNA91\nTILT=NONE\n1 1000 1.5 {vertical} {horizontal} 1 2 0 0 0\n1.0 0.9 100\n")
@@ -369,12 +369,13 @@ def ies_file(vertical: int, horizontal: int, turn: float, pole: float = 0.0) -> 
 
 
 def lamps() -> Iterator[Probe]:
-    """Photometric files that give the full turn, half, a quarter or one direction, leave out the last, or the poles."""
+    """Photometric files: the full turn, half, a quarter or one direction, not quite to the poles, with a jump."""
     directions = [(math.sin(i * 2.4), math.cos(i * 2.4), 1.7 * math.sin(i * 0.7 + 0.3)) for i in range(6)]
+    poles = [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
     shapes = {"full": (7, 9, 360), "half": (7, 5, 180), "quarter": (5, 4, 90), "one": (10, 1, 0), "gap": (7, 8, 315)}
-    for name, shape in (*shapes.items(), ("poles", (6, 5, 180, 30))):
+    for name, shape in (*shapes.items(), ("poles", (6, 5, 180, 30)), ("jump", (7, 9, 360, 0, 1.3))):
         text = ies_file(*shape)
-        for i, d in enumerate(directions):
+        for i, d in enumerate([*directions, *poles] if name == "jump" else directions):
             unit = tuple(x / math.sqrt(sum(y * y for y in d)) for x in d)
             yield f"ies/{name}/{i}", node("ShaderNodeTexIES", {}, 0, unit, mode="INTERNAL", ies=text)
 

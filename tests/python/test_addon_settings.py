@@ -240,6 +240,12 @@ def test_crop_is_what_blender_makes_of_the_border(scene: bpy.types.Scene) -> Non
     assert settings.crop(render, 30, 20) == (3, 6, 18, 12)
 
 
+def test_alpha_threshold_is_the_layers(scene: bpy.types.Scene) -> None:
+    assert engine(scene)["pass_alpha_threshold"] == 0.5
+    scene.view_layers[0].pass_alpha_threshold = 0.25
+    assert engine(scene)["pass_alpha_threshold"] == 0.25
+
+
 def test_mist_and_colour(scene: bpy.types.Scene) -> None:
     scene.world = bpy.data.worlds.new("Mist")
     scene.world.mist_settings.start, scene.world.mist_settings.depth = 2.0, 9.0

@@ -220,3 +220,31 @@ def test_aovs(pair_scene: Any, tmp_path: Path, film_transparent: bool) -> None:
     agree(pair_scene, tmp_path, samples=128, passes=names, bounds=Bounds(0.02, 0.1))
     passes = render(pair_scene, "TALBOT", 0, tmp_path / "one.exr")
     assert not stacked(passes, "Unused").any(), "registered, though nothing writes it"
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.2, 0.8])
+def test_data_passes_behind_clear_surfaces(pair_scene: Any, tmp_path: Path, threshold: float) -> None:
+    """The first surface that is as opaque as the layer asks. Cycles lets more light pass at random
+    through what is nearly opaque: all that decides here."""
+    look_down(pair_scene, 4)
+    layer = pair_scene.view_layers[0]
+    layer.pass_alpha_threshold = threshold
+    for name in ("z", "normal", "uv", "object_index", "material_index", "mist"):
+        setattr(layer, f"use_pass_{name}", True)
+    layer.aovs.add().name = "Colour"
+    solid = aov_material(1.0)
+    solid.pass_index = 9
+    for number, place in enumerate(grid(16, 4)):
+        clear = aov_material((0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 1.0)[number % 8])
+        clear.pass_index = 2 + number % 8
+        obj = add_plane(clear, location=place)
+        obj.pass_index, obj.rotation_euler = 1, (0.4, 0.2, 0.0)
+        if number >= 8:
+            add_plane(solid, location=(place[0], place[1], -1.0)).pass_index = 5
+    set_world(pair_scene, (0.5, 0.2, 0.1))
+    mist = pair_scene.world.mist_settings
+    mist.start, mist.depth = 18.0, 5.0
+    pair_scene.cycles.max_bounces = 0
+    names = ("Object Index", "Material Index") if bpy.app.version >= (5, 0, 0) else ("IndexOB", "IndexMA")
+    passes = ("Depth", "Normal", "UV", "Mist", "Colour", *names)
+    agree(pair_scene, tmp_path, samples=64, passes=passes, bounds=Bounds(0.05, 0.3))

@@ -19,7 +19,7 @@ struct Distribution {
     TALBOT_MEMBER static Distribution make(float ax, float ay, const LobeUniform& u) {
         ax = clampf(ax, 0.0f, 1e3f);
         ay = clampf(ay, 0.0f, 1e3f);
-        return {maxf(ax, kMinAlpha), maxf(ay, kMinAlpha), u.separable, int32_t(ax * ay <= u.delta_limit)};
+        return {maxf(ax, kMinAlpha), maxf(ay, kMinAlpha), u.separable, int32_t(ax * ay <= u.sharp_alpha2)};
     }
     TALBOT_MEMBER float d(Vec3 h) const { return beckmann ? beckmann_d(ax, ay, h) : ggx_d(ax, ay, h); }
     TALBOT_MEMBER float lambda(Vec3 w) const { return beckmann ? beckmann_lambda(ax, ay, w) : ggx_lambda(ax, ay, w); }

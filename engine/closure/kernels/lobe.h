@@ -19,30 +19,25 @@ inline namespace TALBOT_ISA {
 
 inline constexpr float kDeltaPdf = 1e8f;
 
-/// The same for all lanes.
+/// The same for all lanes. Switches are 0 or 1, for arithmetic in lanes.
 struct LobeUniform {
     bool anisotropic = false;
-    float correction = 1;             ///< 1: soften the bump terminator
-    float old = 0;                    ///< 1: Blender before 4.0
-    float polynomial = 0;             ///< 1: bump shadowing by the polynomial (before 4.5)
-    float bump_all = 1;               ///< 1: bump shadowing cuts glossy lobes too (5.0 and later)
-    float separable = 0;              ///< 1: separable shadowing (before 4.0)
-    float delta_limit = 0;            ///< alpha_x alpha_y at or below it: sharp
-    float conductor_approximate = 0;  ///< 1: conductors as before 5.0
-    float film_fitted = 0;            ///< 1: thin films as before 5.0
+    float correction = 1;  ///< soften the bump terminator
+    float polynomial = 0, bump_all = 1, separable = 0, toon_wide = 0, sharp_alpha2 = 0, conductor_approximate = 0, film_fitted = 0;  ///< ClosureSemantics
 };
 
 TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropic, bool correlated) {
+    const ClosureSemantics& s = g.semantics;
     LobeUniform u;
     u.anisotropic = anisotropic;
-    u.correction = g.bump_correction ? 1.0f : 0.0f;
-    u.old = g.version < 400 ? 1.0f : 0.0f;
-    u.polynomial = g.version < 405 ? 1.0f : 0.0f;
-    u.bump_all = g.version < 500 ? 0.0f : 1.0f;
-    u.separable = correlated ? 0.0f : u.old;
-    u.delta_limit = g.version < 400 ? 1e-7f : 2e-10f;
-    u.conductor_approximate = g.version < 500 ? 1.0f : 0.0f;
-    u.film_fitted = g.version < 500 ? 1.0f : 0.0f;
+    u.correction = float(g.bump_correction);
+    u.polynomial = float(s.bump_by_polynomial);
+    u.bump_all = float(s.bump_cuts_glossy);
+    u.separable = float(s.shadowing_separable && !correlated);
+    u.toon_wide = float(s.toon_lights_wide);
+    u.sharp_alpha2 = s.sharp_alpha2;
+    u.conductor_approximate = float(s.conductor_approximate);
+    u.film_fitted = float(s.film_fitted);
     return u;
 }
 

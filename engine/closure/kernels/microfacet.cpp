@@ -156,8 +156,8 @@ struct AshikhminShirleyLobe {
     TALBOT_MEMBER static AshikhminShirleyLobe load(const float* const* p, int i, const LobeUniform& u) {
         const float ax = clampf(p[0][i], 0.0f, 1.0f), ay = clampf(p[1][i], 0.0f, 1.0f);
         const float x = maxf(ax, 1e-4f), y = maxf(ay, 1e-4f);
-        return {maxf(2.0f / (x * x) - 2.0f, 0.0f), maxf(2.0f / (y * y) - 2.0f, 0.0f), std::sqrt(std::sqrt(ax * ay)),
-                int32_t(ax * ay <= u.delta_limit), {p[2][i], p[3][i], p[4][i]},       int32_t(u.anisotropic)};
+        return {maxf(2.0f / (x * x) - 2.0f, 0.0f),  maxf(2.0f / (y * y) - 2.0f, 0.0f), std::sqrt(std::sqrt(ax * ay)),
+                int32_t(ax * ay <= u.sharp_alpha2), {p[2][i], p[3][i], p[4][i]},       int32_t(u.anisotropic)};
     }
     /// Exponent that applies in h's direction.
     TALBOT_MEMBER float exponent(Vec3 h) const {

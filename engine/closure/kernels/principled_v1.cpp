@@ -60,7 +60,7 @@ struct ClearcoatV1Lobe {
     int32_t sharp;
     TALBOT_MEMBER static ClearcoatV1Lobe load(const float* const* p, int i, const LobeUniform& u) {
         const float a = clampf(p[0][i], 0.0f, 1.0f);
-        return {clampf(a * a, 1e-8f, 0.9999f), int32_t(a * a <= u.delta_limit)};
+        return {clampf(a * a, 1e-8f, 0.9999f), int32_t(a * a <= u.sharp_alpha2)};
     }
     TALBOT_MEMBER float d(Vec3 h) const {
         const float q = h.x * h.x + h.y * h.y + a2 * h.z * h.z;  // 1 + (a2 - 1) z^2 without cancellation

@@ -16,9 +16,9 @@ struct ToonLobe {
         const float flat = clampf(p[0][i], 1e-3f, 1.0f) * 0.5f * kPi, rim = saturate(p[1][i]) * 0.5f * kPi;
         const float half_sin = lane_sin(0.5f * minf(flat + rim, 0.5f * kPi));
         const float cap = 2.0f * half_sin * half_sin;
-        // Before 4.0 what is more than 90 degrees from the mirror direction is worth what is just 90 degrees from it.
-        const float old = glossy ? u.old : 0.0f;
-        return {flat, rim, cap, old - 1.0f, flat + rim > 0.5f * kPi ? minf(1.0f - cap, 1.0f - 2.0f * old) : 1.0f - cap};
+        // In old versions what is more than 90 degrees from the mirror direction is worth what is just 90 degrees from it.
+        const float wide = glossy ? u.toon_wide : 0.0f;
+        return {flat, rim, cap, wide - 1.0f, flat + rim > 0.5f * kPi ? minf(1.0f - cap, 1.0f - 2.0f * wide) : 1.0f - cap};
     }
     TALBOT_MEMBER float density() const { return 1.0f / (2.0f * kPi * one_minus_cos); }
     TALBOT_MEMBER float shape(float cosine) const {

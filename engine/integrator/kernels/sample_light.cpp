@@ -89,7 +89,7 @@ void push_shadow_rays(const RenderContext& context, Worker& worker, int count) {
         if (queue.visibility[k] == 0) queue.t_max[k] = -1.0f;
         // Among the catchers.
         if (worker.catcher_pass)
-            queue.visibility[k] = int32_t(scene::kVisibleShadow << light::kCatcherShift | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
+            queue.visibility[k] = int32_t(scene::kVisibleShadow << scene::kCatcherShift | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
         queue.indirect[k] = total_bounces(queue.bounces[k]) > 0;
     }
     if (!context.layout->light_passes) return;
@@ -130,7 +130,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     light::sample_emitters(*context.emitters, stratum, query, *context.programs, *context.shading, s.emitter, s.light);
     if (worker.catcher_pass) {
         // Light that is not real does not shine on the catchers alone.
-        for (int i = 0; i < n; ++i) s.light.pdf[i] = uint32_t(s.light.visibility[i]) >> light::kCatcherShift ? s.light.pdf[i] : 0.0f;
+        for (int i = 0; i < n; ++i) s.light.pdf[i] = uint32_t(s.light.visibility[i]) >> scene::kCatcherShift ? s.light.pdf[i] : 0.0f;
     }
     std::memcpy(s.wi.x, s.light.wi.x, size_t(n) * 4);
     std::memcpy(s.wi.y, s.light.wi.y, size_t(n) * 4);

@@ -218,7 +218,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
         geometry.wo = s.span.wo;
         geometry.ng = s.span.n_g;
         geometry.ns = program.normal != shader::kNoRegister ? triple_columns(program.normal, s.registers) : s.span.n_s;
-        geometry.version = context.settings->version;
+        geometry.semantics = closure_semantics_of(context.settings->version);
         geometry.bump_correction = compiled.bump_correction;
 
         add_holdout(context, worker, program, tile);

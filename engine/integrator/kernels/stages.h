@@ -138,7 +138,7 @@ TALBOT_INLINE int32_t ray_visibility(int32_t flags) {
     const int32_t camera = flags & shader::kRayCamera;
     const int32_t diffuse = flags & shader::kRayDiffuse;
     const int32_t bit = transmission ? scene::kVisibleTransmission : camera ? scene::kVisibleCamera : diffuse ? scene::kVisibleDiffuse : scene::kVisibleGlossy;
-    return flags & kPathCatcherPass ? bit << light::kCatcherShift : bit;
+    return flags & kPathCatcherPass ? bit << scene::kCatcherShift : bit;
 }
 
 /// Receiver sets of the objects that sent the listed paths' rays, -1 of the camera's: for emitters that are linked.

@@ -50,7 +50,7 @@ void trace_for_nodes(void* user, shader::TraceRequest& request) {
         store(o, i, load(request.origin, i));
         store(d, i, load(request.direction, i));
         t_max[i] = request.t_max[i];
-        visibility[i] = int32_t(request.visibility | (shadow ? kShadowTransparent : 0u));
+        visibility[i] = int32_t(request.visibility | (shadow ? scene::kVisibleTransparentShadow : 0u));
         request.hit_object[i] = -1;
         if (t_max[i] > 0.0f) list[count++] = i;
     }

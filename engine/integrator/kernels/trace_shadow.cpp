@@ -78,7 +78,7 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
 void trace_transparent(const RenderContext& context, Worker& worker, const geometry::TraceOptions& options) {
     ShadowQueue& queue = worker.shadow;
     const geometry::RayColumns rays{queue.origin, queue.direction, queue.t_max, context.scene->has_motion ? queue.time : nullptr};
-    const uint32_t transparent = worker.catcher_pass ? kShadowTransparent << light::kCatcherShift : kShadowTransparent;
+    const uint32_t transparent = uint32_t(scene::kVisibleTransparentShadow) << (worker.catcher_pass ? scene::kCatcherShift : 0);
     int n = 0;
     for (int k = 0; k < queue.n; ++k) {
         queue.visibility[k] = int32_t(transparent | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));

@@ -104,7 +104,7 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
         vector(PassKind::TransmissionColor, [&](int i) { return load(sums[2], i) * throughput(i); });
     }
 
-    // The rest shows the first surface that is more opaque than not (Blender's alpha threshold of passes). The denoiser's guides take what is before it too.
+    // The rest shows the first surface that is opaque enough. The denoiser's guides take what is before it too.
     keep([&](int i) { return !(s.path_flags[i] & kPathDataDone); });
     weigh([](int) { return 1.0f; });
     if (colors) vector(PassKind::DenoisingAlbedo, [&](int i) { return (load(sums[0], i) + load(sums[1], i) + load(sums[2], i)) * load(s.throughput, i); });
@@ -123,7 +123,8 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     };
     weigh(share);
     vector(PassKind::DenoisingNormal, normal);
-    auto decides = [&](int i) { return 1.0f - s.tmp[i] >= 0.5f; };
+    const float least = context.settings->pass_alpha_threshold;
+    auto decides = [&](int i) { return 1.0f - s.tmp[i] >= least; };
     weigh([&](int i) { return decides(i) ? 1.0f : 0.0f; });
     vector(PassKind::Normal, normal);
     if (layout.has(PassKind::Vector3Uv)) {

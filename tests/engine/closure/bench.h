@@ -136,7 +136,7 @@ private:
         g.wo = vector(0);
         g.ng = vector(2);
         g.ns = vector(3);
-        g.version = version;
+        g.semantics = closure_semantics_of(version);
         g.bump_correction = bump_correction;
         return g;
     }
