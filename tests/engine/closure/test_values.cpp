@@ -179,15 +179,31 @@ TEST(Reciprocity, HoldsWhereItShould) {
         const float f = Bench(forward).eval({b})[0].f.x / b.z, g = Bench(backward).eval({a})[0].f.x / a.z;
         EXPECT_NEAR(f, g, 2e-4f * std::max(f, g) + 1e-9f) << c.name;
     }
-    // Radiance through glass, unscaled: f(a, b) |cos b| eta^2-free form obeys f / eta^2 symmetric across the interface.
-    const float eta = 1.45f;
+    // Diffuse light through a leaf, from either side.
     const Vec3 through = direction(150, 200);
-    const float down = Bench({"", ClosureType::MicrofacetRefract, refract(0.4f, eta), 0, a}).eval({through})[0].f.x / std::fabs(through.z);
-    Bench up({"", ClosureType::MicrofacetRefract, refract(0.4f, 1 / eta), 0, through});
-    up.normal = up.ng = up.ns = {0, 0, -1};
-    const float back = up.eval({a})[0].f.x / a.z;
-    EXPECT_GT(down, 0.01f);
-    EXPECT_NEAR(down, back * eta * eta, 2e-3f * down);
+    const float front = Bench({"", ClosureType::Translucent, {}, 0, a}).eval({through})[0].f.x / std::fabs(through.z);
+    Bench behind({"", ClosureType::Translucent, {}, 0, through});
+    behind.normal = behind.ng = behind.ns = {0, 0, -1};
+    EXPECT_NEAR(front, behind.eval({a})[0].f.x / a.z, 1e-5f);
+    // Radiance through glass, unscaled: f(a, b) |cos b| eta^2-free form obeys f / eta^2 symmetric across the interface.
+    for (const float eta : {1.05f, 1.45f, 2.4f, 0.7f}) {
+        for (const float alpha : {0.4f, 1.0f}) {
+            for (const bool whole : {false, true}) {
+                const ClosureType type = whole ? ClosureType::MicrofacetGlass : ClosureType::MicrofacetRefract;
+                const Vec3 b_through = eta < 1.1f ? direction(156, 225) : through;
+                const float down = Bench({"", type, whole ? glass(alpha, eta) : refract(alpha, eta), 0, a}).eval({b_through})[0].f.x / std::fabs(b_through.z);
+                Bench up({"", type, whole ? glass(alpha, 1 / eta) : refract(alpha, 1 / eta), 0, b_through});
+                up.normal = up.ng = up.ns = {0, 0, -1};
+                const float back = up.eval({a})[0].f.x / a.z;
+                EXPECT_GT(down, 1e-4f) << eta << " " << alpha << " " << whole;
+                EXPECT_NEAR(down, back * eta * eta, 2e-3f * down) << eta << " " << alpha << " " << whole;
+            }
+        }
+    }
+    // Glass seen from one side: its mirror lobe.
+    const std::vector<float> params = glass(0.5f, 1.45f);
+    const float f = Bench({"", ClosureType::MicrofacetGlass, params, 0, a}).eval({b})[0].f.x / b.z;
+    EXPECT_NEAR(f, Bench({"", ClosureType::MicrofacetGlass, params, 0, b}).eval({a})[0].f.x / a.z, 2e-4f * f);
 }
 
 TEST(Limits, TinyAlphaIsSharp) {
@@ -199,11 +215,72 @@ TEST(Limits, TinyAlphaIsSharp) {
     }
 }
 TEST(Limits, IndexOneLetsLightPassStraight) {
-    Bench bench({"", ClosureType::MicrofacetGlass, glass(0.5f, 1.0f), 0, direction(50, 30)});
-    for (const Sample& s : bench.sample(100)) {
-        if (s.flags & kSampledFailed) continue;
-        ASSERT_TRUE(s.flags & kSampledTransmit);
-        ASSERT_NEAR(dot(s.wi, bench.wo), -1, 1e-5);
+    for (const double view : {0.0, 50.0, 89.0}) {
+        for (const float alpha : {0.0f, 0.5f, 1.0f}) {
+            for (const bool whole : {true, false}) {
+                const ClosureType type = whole ? ClosureType::MicrofacetGlass : ClosureType::MicrofacetRefract;
+                Bench bench({"", type, whole ? glass(alpha, 1.0f) : refract(alpha, 1.0f), 0, direction(view, 30)});
+                double sum = 0;
+                for (const Sample& s : bench.sample(100)) {
+                    if (s.flags & kSampledFailed) continue;
+                    ASSERT_TRUE(s.flags & kSampledTransmit);
+                    ASSERT_NEAR(dot(s.wi, bench.wo), -1, 1e-5);
+                    sum += s.weight.x;
+                }
+                EXPECT_NEAR(sum, 100, 1e-3) << view << " " << alpha << " " << whole;
+            }
+            Bench mirror({"", ClosureType::Microfacet, reflect(alpha, alpha, {1.0f}), uint8_t(FresnelKind::Dielectric), direction(view, 30)});
+            EXPECT_LT(mirror.scattered(100).x, 1e-6f) << view << " " << alpha;
+        }
+    }
+}
+// Roughness 0: what is glossy is a mirror or a pane, whatever the distribution, at any angle, and loses nothing.
+TEST(Limits, NoRoughnessIsSharp) {
+    const struct {
+        const char* name;
+        ClosureType type;
+        std::vector<float> params;
+        uint8_t variant = 0;
+        int version = 502;
+    } cases[] = {
+        {"ggx", ClosureType::Microfacet, reflect(0, 0)},
+        {"ggx separable", ClosureType::Microfacet, reflect(0, 0), 0, 304},
+        {"ggx anisotropic", ClosureType::Microfacet, reflect(0, 1), kAniso},
+        {"beckmann", ClosureType::Microfacet, reflect(0, 0), kBeckmann},
+        {"ashikhmin-shirley", ClosureType::AshikhminShirley, reflect(0, 0)},
+        {"pane", ClosureType::MicrofacetThin, reflect(0, 0)},
+    };
+    for (const auto& c : cases) {
+        for (const double view : {0.0, 45.0, 89.0}) {
+            const Vec3 wo = direction(view, 20), mirror = direction(view, 200);
+            const Vec3 expected = c.type == ClosureType::MicrofacetThin ? -wo : mirror;
+            Bench bench({c.name, c.type, c.params, c.variant, wo, c.version});
+            for (const Sample& s : bench.sample(20)) {
+                ASSERT_TRUE(s.flags & kSampledDelta) << c.name << " " << view;
+                ASSERT_FALSE(s.flags & kSampledFailed) << c.name << " " << view;
+                ASSERT_NEAR(length(s.wi - expected), 0, 1e-4) << c.name << " " << view;
+                ASSERT_NEAR(s.weight.x, 1, 1e-4) << c.name << " " << view;
+            }
+            EXPECT_EQ(bench.eval({expected})[0].f.x, 0.0f) << c.name;
+        }
+    }
+}
+// Black: no light comes back, by sampling or by evaluating.
+TEST(Limits, BlackScattersNothing) {
+    std::vector<float> tints = glass(0.3f, 1.45f);
+    std::fill(tints.begin() + kGlassReflectionTint, tints.end(), 0.0f);
+    std::vector<Case> cases = all_cases();
+    for (Case& c : cases) c.name = "no weight";
+    cases.push_back({"black glass", ClosureType::MicrofacetGlass, tints, 0, direction(35, 20)});
+    cases.push_back({"black huang", ClosureType::HairHuang, huang(0.3f, 1.0f, 1.0f), 0, direction(35, 20)});
+    // Lobes R, TT, TRT.
+    std::fill(cases.back().params.begin() + 13, cases.back().params.begin() + 16, 0.0f);
+    for (const Case& c : cases) {
+        Bench bench(c);
+        if (c.name == std::string("no weight")) bench.weight = {0, 0, 0};
+        EXPECT_EQ(max_component(bench.scattered(200)), 0.0f) << c.name << " " << int(c.type);
+        for (const Evaluated& e : bench.eval({direction(20, 200), direction(150, 40), direction(89, 3)}))
+            EXPECT_EQ(max_component(e.f), 0.0f) << c.name << " " << int(c.type);
     }
 }
 TEST(Limits, BlurRaisesAlphaOnly) {
