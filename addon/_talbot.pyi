@@ -95,10 +95,15 @@ class StrandArrays(TypedDict, total=False):
     generated_scale: tuple[float, float, float]
 
 class ObjectArrays(TypedDict, total=False):
-    """All objects and instances of the scene at once, n of them. Required: mesh, matrix."""
+    """All objects and instances of the scene at once, N of them, and what many of them share, their traits, n of those.
+    Required: mesh, matrix; without `traits` every object has its own (n = N)."""
 
+    matrix: f32  # (N, 16) column-major, as foreach_get("matrix_world") gives it
+    traits: i32  # (N,) row of the columns of length n, -1: removed
+    random: u32  # (N,)
+    dupli_generated: f32  # (N, 3)
+    dupli_uv: f32  # (N, 2)
     mesh: i32  # (n,) mesh handle
-    matrix: f32  # (n, 16) column-major, as foreach_get("matrix_world") gives it
     name: i32  # (n,) index into `names`
     names: list[str]
     material_set: i32  # (n,) index into `material_sets`
@@ -108,12 +113,9 @@ class ObjectArrays(TypedDict, total=False):
     linking: i32  # (n,) of its emission, index into `linkings`, -1: it lights everything
     linkings: list[tuple[int, int]]  # mask of the receiver sets; blocker group 0 to 63, -1: all objects block
     blocks: u32  # (n, 2) bit g of the low or the high word: casts the shadows of emitters with blocker group g
-    random: u32  # (n,)
     pass_index: i32  # (n,)
     color: f32  # (n, 4)
     flags: u32  # (n,) bits is_instance 1, is_holdout 2, is_shadow_catcher 4
-    dupli_generated: f32  # (n, 3)
-    dupli_uv: f32  # (n, 2)
     shading_offset: f32  # (n,)
     geometry_offset: f32  # (n,)
     attribute_set: i32  # (n,) index into `attribute_sets`, -1: none
@@ -140,11 +142,11 @@ class Session:
     def set_objects(self, arrays: ObjectArrays) -> None:
         """Replaces all objects."""
     def set_object_matrices(self, matrix: f32) -> None:
-        """(n, 16): moves the objects of the last set_objects; nothing else changes."""
+        """(N, 16): moves the objects of the last set_objects; nothing else changes."""
     def set_motion(self, values: dict[str, Any]) -> None:
         """What moves while the shutter is open; replaces what was said before ({}: nothing moves). After set_objects and set_camera.
         Moments are spread evenly over the shutter, 2 to 129 of them. `objects`: list of f32 (moments, 16), column-major;
-        `object_motion`: i32 (n,) index into it for each object, -1: stands still; `camera`: f32 (moments, 16);
+        `object_motion`: i32 (N,) index into it for each object, -1: stands still; `camera`: f32 (moments, 16);
         `camera_views`: f32 (moments, 4); `shutter`: f32 moments of 0 to 1 at which equal parts of the light have come in;
         `rolling_duration`: float, only with a rolling shutter."""
     def set_mesh_motion(self, handle: int, values: dict[str, f32]) -> None:

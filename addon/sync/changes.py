@@ -3,8 +3,6 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from .context import id_key
 
 Key = tuple[str, str]
@@ -62,10 +60,3 @@ def read_changes(depsgraph: Any) -> Changes:
         elif kind == "Scene":
             changes.scene = True
     return changes
-
-
-def same(left: Any, right: Any) -> bool:
-    """Equality of what is sent: arrays, or anything else."""
-    if isinstance(left, np.ndarray):
-        return left.shape == right.shape and bool(np.array_equal(left, right))
-    return left == right

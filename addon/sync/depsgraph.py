@@ -13,20 +13,23 @@ import numpy as np
 
 from .. import settings as talbot_settings
 from .camera import camera_values, viewport_border, viewport_values
-from .changes import Changes, Key, read_changes, same
+from .changes import Changes, read_changes
 from .context import ACTIVE_UV, SyncContext
 from .culling import Culling, culling_of
-from .geometry import read_record
 from .images import ImageSync
 from .materials import ShaderSync
+from .meshes import MeshSync
 from .motion import Eyes, MotionPass, Shutter, shutter_of
-from .objects import Gathered, ObjectPass, Record, object_arrays
-from .subdivision import Dicing, DicingView, chosen_view
+from .objects import ObjectPass
+from .records import Gathered, fingerprint, object_arrays
+from .subdivision import chosen_view
 from .unsupported import warn_scene
 from .world import world_values
 
 CROP = ("crop_x", "crop_y", "crop_width", "crop_height")
 SetFrame = Callable[[int, float], None]
+Sent = tuple[Gathered, list[int], bool]
+"""What a pass found, the mesh handles of its records, and whether something was sent."""
 
 
 @dataclass
@@ -37,15 +40,6 @@ class SyncResult:
     timings: dict[str, float] = field(default_factory=dict)
 
 
-@dataclass
-class MeshEntry:
-    """A mesh the session has: its handle, whose change makes it stale."""
-
-    handle: int
-    owners: set[Key]
-    dicing: Dicing | None
-
-
 class SceneSync:
     """Keeps one native session equal to a depsgraph."""
 
@@ -54,14 +48,13 @@ class SceneSync:
         self.context = SyncContext(session)
         self.images = ImageSync(self.context)
         self.shaders = ShaderSync(self.context, self.images)
-        self._meshes: dict[tuple[int, int], MeshEntry] = {}
+        self.meshes = MeshSync(self.context)
         self._settings: dict[str, Any] = {}
         self._camera: dict[str, Any] = {}
         self._world: dict[str, Any] = {}
         self._lights: list[dict[str, Any]] = []
         self._objects: dict[str, Any] = {}
-        self._gathered: tuple[Gathered, list[int]] = (Gathered(), [])
-        self._dicing = DicingView()
+        self._has_objects = False
         self._moves = False
         self._eyes: Eyes | None = None
         self._view: dict[str, Any] = {}
@@ -164,11 +157,11 @@ class SceneSync:
     ) -> None:
         set_frame(*shutter.frame(0.5))
         scene = depsgraph.scene_eval
-        self._sync_scene(depsgraph, scene, depsgraph.view_layer_eval, changes)
+        gathered, handles, _ = self._sync_scene(depsgraph, scene, depsgraph.view_layer_eval, changes)
         self._send_frame_camera(depsgraph, scene, size)
         with self.context.timed("motion"):
             motion = MotionPass(self.context, shutter, self._eyes)
-            motion.begin(depsgraph, *self._gathered, scene, size)
+            motion.begin(depsgraph, gathered, handles, scene, size)
             for moment in motion.moments():
                 self.context.check()
                 set_frame(*shutter.frame(moment))
@@ -185,26 +178,24 @@ class SceneSync:
 
     def _send_dicing_camera(self, values: dict[str, Any]) -> bool:
         """Whose pixels adaptive subdivision counts: the scene's own choice, or this one. True when it changed."""
-        values = self._dicing.chosen or values
-        if not self._dicing.used or values == self._dicing.camera:
+        values = self.meshes.dicing.chosen or values
+        if not self.meshes.dicing.used or values == self.meshes.dicing.camera:
             return False
         self.session.set_dicing_camera(values)
-        self._dicing.camera = values
+        self.meshes.dicing.camera = values
         return True
 
     def _forget(self) -> None:
-        if self._objects:
+        if self._has_objects:
             self.session.set_objects({"mesh": np.zeros(0, np.int32), "matrix": np.zeros((0, 16), np.float32)})
         self.session.set_lights([])
         self.session.set_world({})
-        for entry in self._meshes.values():
-            self.session.remove_mesh(entry.handle)
-        self._meshes.clear()
+        self.meshes.forget()
         self.shaders.clear()
         self.images.clear()
         self.context.wanted = set()
         self._settings, self._camera, self._world, self._objects, self._lights = {}, {}, {}, {}, []
-        self._dicing = DicingView()
+        self._has_objects = False
 
     def _send_settings(self, scene: Any, view_layer: Any, width: int, height: int, preview: bool = False) -> bool:
         values = talbot_settings.engine_settings(
@@ -222,8 +213,8 @@ class SceneSync:
         self._settings = values
         return True
 
-    def _sync_scene(self, depsgraph: Any, scene: Any, view_layer: Any, changes: Changes) -> bool:
-        """Everything but settings and camera. True when something was sent."""
+    def _sync_scene(self, depsgraph: Any, scene: Any, view_layer: Any, changes: Changes) -> Sent:
+        """Everything but settings and camera."""
         context = self.context
         changed = False
         with context.timed("objects"):
@@ -240,20 +231,20 @@ class SceneSync:
         with context.timed("meshes"):
             stale_all = changes.all_meshes or not wanted <= context.wanted
             context.wanted |= wanted
-            handles, meshes_changed, removed = self._send_meshes(
+            handles, meshes_changed, removed = self.meshes.send(
                 gathered.records, changes.geometry, stale_all, depsgraph
             )
             changed |= meshes_changed
-        self._dicing.used = any(record.dicing is not None for record in gathered.records)
-        if self._dicing.used:
-            self._dicing.chosen = chosen_view(depsgraph, scene, self._settings["width"], self._settings["height"])
+        self.meshes.dicing.used = any(record.dicing is not None for record in gathered.records)
+        if self.meshes.dicing.used:
+            self.meshes.dicing.chosen = chosen_view(depsgraph, scene, self._settings["width"], self._settings["height"])
         with context.timed("objects"):
-            changed |= self._send_objects(gathered, handles)
+            # Who compares later: viewports, and frames with persistent data.
+            changed |= self._send_objects(gathered, handles, context.viewport or scene.render.use_persistent_data)
             for handle in removed:
                 self.session.remove_mesh(handle)
         self.shaders.sweep()
-        self._gathered = (gathered, handles)
-        return changed or self.shaders.sent
+        return gathered, handles, changed or self.shaders.sent
 
     def _culling(self, depsgraph: Any, scene: Any) -> Culling | None:
         # A viewport's view counts as it was when something was edited, as in Cycles.
@@ -265,53 +256,16 @@ class SceneSync:
         silent = SyncContext(None)
         return culling_of(scene, camera_values(silent, camera, scene.render, *size, camera.matrix_world))
 
-    def _send_meshes(
-        self, records: list[Record], stale: set[Key], stale_all: bool, depsgraph: Any
-    ) -> tuple[list[int], bool, list[int]]:
-        """Handles by record, whether a mesh was sent, handles nobody uses any more."""
-        handles: list[int] = []
-        seen: set[tuple[int, int]] = set()
-        changed = False
-        for record in records:
-            pointer = record.key()
-            entry = self._meshes.get(pointer)
-            if pointer in seen and entry is not None:
-                entry.owners |= record.owners
-                handles.append(entry.handle)
-                continue
-            seen.add(pointer)
-            stays = entry is not None and not stale_all and entry.dicing == record.dicing
-            if stays and not (entry.owners | record.owners) & stale:
-                entry.owners |= record.owners
-                handles.append(entry.handle)
-                continue
-            changed = True
-            self._dicing.stale |= record.dicing is not None
-            self.context.check()
-            arrays = read_record(self.context, record, depsgraph)
-            if arrays is None:
-                if entry is not None:
-                    seen.discard(pointer)
-                handles.append(-1)
-            elif entry is not None:
-                self.session.set_mesh(entry.handle, record.mesh_name, arrays)
-                entry.owners, entry.dicing = set(record.owners), record.dicing
-                handles.append(entry.handle)
-            else:
-                handle = self.session.add_mesh(record.mesh_name, arrays)
-                self._meshes[pointer] = MeshEntry(handle, set(record.owners), record.dicing)
-                handles.append(handle)
-        removed = [self._meshes.pop(pointer).handle for pointer in set(self._meshes) - seen]
-        return handles, changed or bool(removed), removed
-
-    def _send_objects(self, gathered: Gathered, handles: list[int]) -> bool:
+    def _send_objects(self, gathered: Gathered, handles: list[int], remembers: bool) -> bool:
         arrays = object_arrays(gathered, handles)
-        before, self._objects = self._objects, arrays
-        if before and before.keys() == arrays.keys():
-            different = [name for name in arrays if not same(before[name], arrays[name])]
+        now = fingerprint(arrays) if remembers else {}
+        before, self._objects = self._objects, now
+        self._has_objects = True
+        if before and before.keys() == now.keys():
+            different = [name for name in now if now[name] != before[name]]
             if not different:
                 return False
-            if different == ["matrix"] and before["matrix"].shape == arrays["matrix"].shape:
+            if different == ["matrix"] and before["matrix"][0] == now["matrix"][0]:
                 self.session.set_object_matrices(arrays["matrix"])
                 return True
         self.session.set_objects(arrays)
@@ -346,8 +300,7 @@ class SceneSync:
         self.shaders.begin(None if changes.all_shaders else changes.shading)
         if changes.only_shading() and self._update_shaders(depsgraph, scene, view_layer):
             return changed or self.shaders.sent
-        changed |= self._sync_scene(depsgraph, scene, view_layer, changes)
-        return changed
+        return self._sync_scene(depsgraph, scene, view_layer, changes)[2] or changed
 
     def _update_shaders(self, depsgraph: Any, scene: Any, view_layer: Any) -> bool:
         """Reads changed materials and worlds without a pass over the objects. False when they ask more of meshes."""
@@ -384,8 +337,8 @@ class SceneSync:
             self.session.set_settings(self._settings)
         values = self._view = viewport_values(self.context, context, region_data, width, height)
         # Dicing keeps the view of when the mesh came: turning the view costs nothing.
-        if self._dicing.stale or self._dicing.chosen:
-            self._dicing.stale = False
+        if self.meshes.dicing.stale or self.meshes.dicing.chosen:
+            self.meshes.dicing.stale = False
             changed |= self._send_dicing_camera(values)
         return self._send_camera(values) or changed
 

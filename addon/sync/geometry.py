@@ -6,7 +6,7 @@ import bpy
 
 from .context import SyncContext
 from .mesh import read_mesh
-from .objects import Record
+from .records import Record
 from .strands import read_curves, read_hair, read_points
 from .subdivision import add_cage, cage_of
 

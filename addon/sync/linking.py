@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .context import SyncContext
 
@@ -135,16 +134,16 @@ class LinkPass:
         return sorted({c for c in collections if c >= 0})
 
 
-def linking_arrays(linked: Resolved, subjects: list[Subject], which: NDArray[np.int64]) -> dict[str, Any]:
-    """What light linking adds to the objects' dictionary: `subjects` by record, `which` record each object is of."""
+def linking_arrays(linked: Resolved, subjects: list[Subject]) -> dict[str, Any]:
+    """What light linking adds to the objects' dictionary: `subjects` by record."""
     linkings = [linked.linkings.get(subject, NO_LINKING) for subject in subjects]
     different = sorted(set(linkings) - {NO_LINKING})
     index = {linking: i for i, linking in enumerate(different)}
     return {
-        "receiver_set": np.array([linked.receiver_sets[subject] for subject in subjects], np.int32)[which],
-        "linking": np.array([index.get(linking, -1) for linking in linkings], np.int32)[which],
+        "receiver_set": np.array([linked.receiver_sets[subject] for subject in subjects], np.int32),
+        "linking": np.array([index.get(linking, -1) for linking in linkings], np.int32),
         "linkings": different,
-        "blocks": np.array([linked.blockers[subject] for subject in subjects], np.uint64)[which]
+        "blocks": np.array([linked.blockers[subject] for subject in subjects], np.uint64)
         .view(np.uint32)
         .reshape(-1, 2),
     }

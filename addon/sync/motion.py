@@ -17,7 +17,7 @@ from .. import versions
 from .camera import camera_values, unscaled
 from .context import SyncContext, column_major
 from .mesh import face_smooth, read_column, read_normals
-from .objects import Gathered, Record
+from .records import Gathered, Record
 from .strands import hair_sources, read_hair
 from .subdivision import cage_of
 
@@ -91,7 +91,7 @@ class MotionPass:
         self._keys = [keys[row] for row in gathered.rows]
         levels = [_level(record, "use_motion_blur") for record in gathered.records]
         self._levels = np.array([levels[which] for which in gathered.which], dtype=np.int64)
-        self._matrices[0.5] = gathered.matrices[np.array(gathered.rows, dtype=np.int64)]
+        self._matrices[0.5] = gathered.matrices[np.array(gathered.rows)]
         by_velocity: set[int] = set()
         for key, which in zip(self._keys, gathered.which, strict=True):
             record, handle = gathered.records[which], handles[which]

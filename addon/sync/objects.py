@@ -3,22 +3,23 @@
 An instance costs one lookup by (object, data, parent); what those three decide is read once for all their instances.
 """
 
-from dataclasses import dataclass, field
+from array import array
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import versions
 from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext, column_major
 from .culling import Culling
 from .hashes import mixed_keys, name_key
 from .lights import light_values
-from .linking import LinkPass, Resolved, Subject, linking_arrays
+from .linking import LinkPass, Subject
 from .materials import ShaderSync
 from .named import named_property
+from .records import IS_HOLDOUT, IS_INSTANCE, IS_SHADOW_CATCHER, Gathered, Record
 from .strands import HairSource, hair_sources
-from .subdivision import Dicing, dicing_of
+from .subdivision import dicing_of
 from .unsupported import warn_kind, warn_object
 
 VISIBILITY = (
@@ -30,58 +31,8 @@ VISIBILITY = (
     ("visible_shadow", 32),
 )
 VISIBLE_RAYCAST = 128
-IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
 SKIP, LIGHT = -1, -2
 GEOMETRY = ("MESH", "CURVES", "POINTCLOUD")
-
-
-@dataclass
-class Record:
-    """What all instances of one (object, data, parent) share."""
-
-    mesh: Any
-    mesh_name: str
-    owners: set[tuple[str, str]]
-    name: int
-    material_set: int
-    visibility: int
-    pass_index: int
-    color: tuple[float, ...]
-    flags: int
-    shading_offset: float
-    geometry_offset: float
-    holders: tuple[Any, ...]
-    subject: Subject
-    attribute_set: int = -1
-    hair: HairSource | None = None
-    """Strands that grow on `mesh`, instead of the mesh itself."""
-    dicing: Dicing | None = None
-
-    def key(self) -> tuple[int, int]:
-        """What this geometry is, among all of a pass."""
-        if self.hair is None:
-            return (self.mesh.as_pointer(), -1)
-        return (self.hair.owner.original.as_pointer(), self.hair.index)
-
-
-@dataclass
-class Gathered:
-    """The result of the pass. `mesh`, `holders` and `hair` of the records are Blender's: for the same callback only."""
-
-    records: list[Record] = field(default_factory=list)
-    rows: list[int] = field(default_factory=list)
-    which: list[int] = field(default_factory=list)
-    lights: list[dict[str, Any]] = field(default_factory=list)
-    linked: Resolved | None = None
-    names: list[str] = field(default_factory=list)
-    material_sets: list[list[int]] = field(default_factory=list)
-    attribute_sets: list[list[tuple[str, tuple[float, ...]]]] = field(default_factory=list)
-    matrices: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 16), np.float32))
-    random: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
-    is_instance: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    dupli: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
-    particles: dict[int, int] = field(default_factory=dict)
-    """Attribute set of the rows that show a particle, where a shader asks for it."""
 
 
 class ObjectPass:
@@ -110,30 +61,35 @@ class ObjectPass:
         use_strand = self.view_layer.use_strand
         cache: dict[tuple[Any, Any, Any], tuple[int, tuple[int, ...]]] = {}
         rows, which = out.rows, out.which
-        dupli: list[bool] = []
-        random: list[int] = []
+        dupli, random = array("b"), array("q")
+        last_source = last_data = last_parent = known = None
         # One value a time: in bulk Blender walks the instances again for each, which takes six times as long.
         for row, instance in enumerate(instances):
             is_dupli = instance.is_instance
             dupli.append(is_dupli)
             random.append(instance.random_id)
-            visible, grows = instance.show_self, instance.show_particles and use_strand
-            if not visible and not grows:
+            visible = instance.show_self
+            if not visible and not (use_strand and instance.show_particles):
                 continue
             obj = instance.object
             data = obj.data
             if data is None:
                 continue
-            parent = instance.parent if is_dupli else None
             # Objects of instances are made for the step: what they stand for is what lasts.
-            key = (instance.instance_object if is_dupli else obj, data, parent)
-            known = cache.get(key)
-            if known is None:
-                index = self._record(obj, data, parent) if visible else SKIP
-                known = cache[key] = (index, self._hair_records(obj, data, parent) if grows else ())
-            index, strands = known
-            if parent is None:
+            if is_dupli:
+                source, parent = instance.instance_object, instance.parent
+            else:
+                source, parent = obj, None
                 random[row] = name_key(obj.name)
+            # Most are as the one before. The cache holds these objects: they are found again as the same.
+            if source is not last_source or data is not last_data or parent is not last_parent:
+                last_source, last_data, last_parent = key = (source, data, parent)
+                known = cache.get(key)
+                if known is None:
+                    index = self._record(obj, data, parent) if visible else SKIP
+                    grows = use_strand and instance.show_particles
+                    known = cache[key] = (index, self._hair_records(obj, data, parent) if grows else ())
+            index, strands = known
             if index >= 0 and visible:
                 rows.append(row)
                 which.append(index)
@@ -143,15 +99,14 @@ class ObjectPass:
                 rows.append(row)
                 which.append(strand)
         count = len(dupli)
-        out.is_instance = np.array(dupli, dtype=np.bool_)
-        out.random = np.array(random, dtype=np.int64).astype(np.uint32)
+        out.random = np.array(random).astype(np.uint32)
         matrices = np.empty(count * 16, dtype=np.float32)
         if count:
             instances.foreach_get("matrix_world", matrices)
         out.matrices = matrices.reshape(count, 16)
         if self.culling is not None:
             self._cull(self.culling)
-        real = ~out.is_instance
+        real = np.array(dupli) == 0
         out.random[real] = mixed_keys(out.random[real])
         self._link()
         # Only now all shaders are known.
@@ -168,14 +123,14 @@ class ObjectPass:
     def _cull(self, culling: Culling) -> None:
         """Forgets rows that are left out, and records without a row."""
         out = self.out
-        which = np.array(out.which, dtype=np.int64)
+        which = np.array(out.which)
         rules = np.array([culling.rules(record.holders[-1]) for record in out.records], np.bool_).reshape(-1, 2)
         boxes = np.array([record.holders[-1].bound_box for record in out.records], np.float32).reshape(-1, 8, 3)
-        matrices = out.matrices[np.array(out.rows, dtype=np.int64)]
+        matrices = out.matrices[np.array(out.rows)]
         shown = ~culling.hidden(boxes[which], matrices, *rules[which].T)
         used, which = np.unique(which[shown], return_inverse=True)
-        out.rows = [row for row, is_shown in zip(out.rows, shown.tolist(), strict=True) if is_shown]
-        out.which = which.reshape(-1).tolist()
+        out.rows = array("i", np.array(out.rows)[shown].tolist())
+        out.which = array("i", which.reshape(-1).tolist())
         out.records = [out.records[index] for index in used.tolist()]
 
     def _link(self) -> None:
@@ -186,18 +141,22 @@ class ObjectPass:
                 light["linking"] = linked.linkings[subject]
 
     def _read_particles(self, instances: Any) -> None:
-        """Instances one by one: Blender has no bulk call that tells their particles."""
+        """Instances one by one: Blender has no bulk call that tells their particles. Each gets a record of its own."""
         out, frame = self.out, self.depsgraph.scene_eval.frame_current_final
-        shown = dict(zip(out.rows, out.which, strict=True))
+        shown: dict[int, list[int]] = {}
+        for place, row in enumerate(out.rows):
+            shown.setdefault(row, []).append(place)
         for row, instance in enumerate(instances):
             system = instance.particle_system if row in shown and instance.is_instance else None
             if system is None:
                 continue
             values = particle_values(system.particles, instance.persistent_id[0], frame)
-            if values:
-                kept = out.records[shown[row]].attribute_set
-                out.particles[row] = len(out.attribute_sets)
-                out.attribute_sets.append([*(out.attribute_sets[kept] if kept >= 0 else ()), *values])
+            for place in shown[row] if values else ():
+                record = out.records[out.which[place]]
+                kept = out.attribute_sets[record.attribute_set] if record.attribute_set >= 0 else ()
+                out.which[place] = len(out.records)
+                out.records.append(replace(record, attribute_set=len(out.attribute_sets)))
+                out.attribute_sets.append([*kept, *values])
 
     def _read_dupli(self, instances: Any, count: int) -> None:
         orco, uv = np.empty(count * 3, dtype=np.float32), np.empty(count * 2, dtype=np.float32)
@@ -249,7 +208,7 @@ class ObjectPass:
             return SKIP
         cycles = versions.cycles_settings(obj)
         holder = parent if parent is not None else obj
-        flags = 0
+        flags = IS_INSTANCE if parent is not None else 0
         if obj.is_holdout or holder.holdout_get(view_layer=self.view_layer):
             flags |= IS_HOLDOUT
         if obj.is_shadow_catcher or (parent is not None and parent.is_shadow_catcher):
@@ -357,43 +316,3 @@ def particle_values(particles: Any, index: int, frame: float) -> list[tuple[str,
         ("@particle_velocity", tuple(particle.velocity)),
         ("@particle_spin", tuple(particle.angular_velocity)),
     ]
-
-
-def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
-    """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
-    records = gathered.records
-    rows = np.array(gathered.rows, dtype=np.int64)
-    which = np.array(gathered.which, dtype=np.int64)
-
-    def column(values: list[Any], dtype: Any, columns: int = 1) -> Any:
-        table = np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
-        return np.ascontiguousarray(table[which])
-
-    attribute_sets = column([r.attribute_set for r in records], np.int32)
-    for place, row in enumerate(gathered.rows if gathered.particles else ()):
-        attribute_sets[place] = gathered.particles.get(row, attribute_sets[place])
-    flags = column([r.flags for r in records], np.uint32)
-    flags |= gathered.is_instance[rows].astype(np.uint32) * np.uint32(IS_INSTANCE)
-    arrays: dict[str, Any] = {
-        "mesh": column(mesh_handles, np.int32),
-        "matrix": np.ascontiguousarray(gathered.matrices[rows]),
-        "name": column([r.name for r in records], np.int32),
-        "names": gathered.names,
-        "material_set": column([r.material_set for r in records], np.int32),
-        "material_sets": gathered.material_sets,
-        "visibility": column([r.visibility for r in records], np.uint32),
-        "random": np.ascontiguousarray(gathered.random[rows]),
-        "pass_index": column([r.pass_index for r in records], np.int32),
-        "color": column([r.color for r in records], np.float32, 4),
-        "flags": flags,
-        "shading_offset": column([r.shading_offset for r in records], np.float32),
-        "geometry_offset": column([r.geometry_offset for r in records], np.float32),
-        "attribute_set": attribute_sets,
-        "attribute_sets": gathered.attribute_sets,
-    }
-    if gathered.linked is not None:
-        arrays |= linking_arrays(gathered.linked, [r.subject for r in records], which)
-    if gathered.dupli is not None:
-        arrays["dupli_generated"] = np.ascontiguousarray(gathered.dupli[0][rows])
-        arrays["dupli_uv"] = np.ascontiguousarray(gathered.dupli[1][rows])
-    return arrays

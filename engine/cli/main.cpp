@@ -116,8 +116,8 @@ void print_statistics(const Session& session) {
                 double(s.bounce_rays) * 1e-6, double(s.shadow_rays) * 1e-6, s.render_seconds > 0 ? rays * 1e-6 / s.render_seconds : 0.0);
     std::printf("paths            %.3f M, %.3f M/s\n", double(s.paths) * 1e-6, s.render_seconds > 0 ? double(s.paths) * 1e-6 / s.render_seconds : 0.0);
     std::printf("triangles        %zu (%zu with instances)\n", s.triangles, s.instanced_triangles);
-    std::printf("memory           BVH %.1f MB, images %.1f MB, film %.1f MB, peak %.1f MB\n", double(s.bvh_bytes) * 1e-6, double(s.texture_bytes) * 1e-6,
-                double(s.film_bytes) * 1e-6, double(session.progress().memory_peak) * 1e-6);
+    std::printf("memory           scene %.1f MB, BVH %.1f MB, images %.1f MB, film %.1f MB, peak %.1f MB\n", double(s.scene_bytes) * 1e-6,
+                double(s.bvh_bytes) * 1e-6, double(s.texture_bytes) * 1e-6, double(s.film_bytes) * 1e-6, double(session.progress().memory_peak) * 1e-6);
 }
 
 scene::Scene load(const Options& options) {

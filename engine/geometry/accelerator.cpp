@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <mutex>
+#include <span>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -136,16 +137,22 @@ constexpr int kFilterFlag = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
 constexpr int kFilterFlag = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
 #endif
 
+/// What Embree takes for a geometry and does not tell (measured: 288), and what a hash table takes for an entry beside it.
+constexpr size_t kGeometryBytes = 288, kNodeBytes = 32;
+
 enum class Placement : uint8_t { Absent, Flattened, Instanced };
 
+/// What the top level has of an object. There may be millions: an instance's map is compared with Embree's own copy.
 struct Placed {
-    Placement how = Placement::Absent;
-    GeometryPtr geometry;
+    uint32_t visibility = 0;  ///< 0: absent
+    uint32_t generation = 0;  ///< of the instanced hierarchy; 0: flattened
+};
+static_assert(sizeof(Placed) == 8);
+
+/// An object in world space.
+struct Flat {
     std::shared_ptr<const scene::Mesh> mesh;
     Affine to_world;
-    std::vector<Affine> motion;
-    uint32_t visibility = 0;
-    uint64_t generation = 0;  ///< of the instanced hierarchy
 };
 
 /// A mesh in use, and its hierarchy when it is instanced.
@@ -155,7 +162,7 @@ struct MeshEntry {
     ScenePtr scene;
     bool instanced = false;
     size_t uses = 0;
-    uint64_t generation = 0;  ///< of the hierarchy: an instance must be pointed at a rebuilt one
+    uint32_t generation = 0;  ///< of the hierarchy, never 0: an instance must be pointed at a rebuilt one
 };
 
 struct Builder {
@@ -201,15 +208,23 @@ struct Accelerator::State {
     int threads = -1;
     std::unordered_map<const scene::Mesh*, MeshEntry> meshes;
     bool high_quality = false, filters = false;
-    uint64_t generation = 0;
+    uint32_t generation = 0;
     ScenePtr top;
-    std::vector<Placed> placed;  ///< by object index
+    std::vector<Placed> placed;                               ///< by object index
+    std::unordered_map<int32_t, Flat> flat;                   ///< those that are flattened
+    std::unordered_map<int32_t, std::vector<Affine>> motion;  ///< those that move: their maps
+    size_t geometries = 0;                                    ///< of the top level
 
     void drop_top() {
-        placed.clear();
+        placed = {};
+        flat.clear();
+        motion.clear();
+        geometries = 0;
         top.reset();
     }
     void open(int wanted);
+    void detach(int32_t object);
+    bool attach(Builder& builder, const scene::SceneView& view, int32_t object, uint32_t visibility, const MeshEntry& entry, bool instanced);
     void place(Builder& builder, const scene::SceneTables& tables, bool flatten);
 };
 
@@ -230,57 +245,126 @@ void Accelerator::State::open(int wanted) {
     rtcSetDeviceMemoryMonitorFunction(device.get(), count_bytes, &device_state);
 }
 
-void Accelerator::State::place(Builder& builder, const scene::SceneTables& tables, bool flatten) {
-    const size_t objects = size_t(tables.view.object_count);
-    const auto mesh_of = [&](size_t i) -> const std::shared_ptr<const scene::Mesh>& {
-        static const std::shared_ptr<const scene::Mesh> none;
-        const int32_t mesh = tables.view.objects[i].mesh;
-        return mesh >= 0 && size_t(mesh) < tables.keep_alive.size() ? tables.keep_alive[size_t(mesh)] : none;
-    };
+void Accelerator::State::detach(int32_t object) {
+    Placed& was = placed[size_t(object)];
+    if (was.visibility == 0) return;
+    rtcDetachGeometry(top.get(), unsigned(object));
+    --geometries;
+    was = {};
+    flat.erase(object);
+    motion.erase(object);
+}
 
-    // Who is placed at all, and which rays see it.
-    std::vector<const scene::Mesh*> meshes_of(objects, nullptr);
-    for (size_t i = 0; i < objects; ++i) {
-        const scene::ObjectView& object = tables.view.objects[i];
-        const auto& mesh = mesh_of(i);
-        if (mesh && mesh->primitive_count() > 0 && object.visibility != 0 && is_finite(object.to_world) && rank(object.to_world) >= 2)
-            meshes_of[i] = mesh.get();
+/// Places an object; one that is there already and stayed the same is left alone. True when something changed.
+bool Accelerator::State::attach(Builder& builder, const scene::SceneView& view, int32_t object, uint32_t visibility, const MeshEntry& entry, bool instanced) {
+    const unsigned id = unsigned(object);
+    const Affine& to_world = view.objects[object].to_world;
+    const scene::MotionView moves = instanced ? scene::motion_of(view, object) : scene::MotionView{};
+    Placed& now = placed[size_t(object)];
+    bool moved = true, keeps = now.visibility != 0 && (now.generation != 0) == instanced;
+    if (keeps && instanced) {
+        Affine was;
+        rtcGetGeometryTransform(rtcGetGeometry(top.get(), id), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, was.m);
+        const auto found = motion.find(object);
+        const std::span<const Affine> before = found == motion.end() ? std::span<const Affine>{} : found->second;
+        moved =
+            moves.steps > 0 || !before.empty() ? !std::equal(before.begin(), before.end(), moves.maps, moves.maps + moves.steps, same) : !same(was, to_world);
+        keeps = now.generation == entry.generation;
+    } else if (keeps) {
+        const Flat& was = flat.at(object);
+        moved = !same(was.to_world, to_world);
+        keeps = was.mesh == entry.mesh && !moved;
     }
-    const std::unordered_set<const scene::Mesh*> used(meshes_of.begin(), meshes_of.end());
+    if (keeps && !moved && now.visibility == visibility) return false;
+
+    RTCGeometry geometry = keeps ? rtcGetGeometry(top.get(), id) : nullptr;
+    if (!keeps) {
+        detach(object);
+        GeometryPtr made;
+        if (instanced) {
+            made.reset(rtcNewGeometry(builder.device, RTC_GEOMETRY_TYPE_INSTANCE));
+            rtcSetGeometryInstancedScene(made.get(), entry.scene.get());
+        } else {
+            made = builder.make(entry, &to_world);
+            flat[object] = {entry.mesh, to_world};
+        }
+        rtcAttachGeometryByID(top.get(), made.get(), id);  // which keeps it
+        ++geometries;
+        geometry = made.get();
+    }
+    if (instanced) {
+        rtcSetGeometryTimeStepCount(geometry, unsigned(std::max(moves.steps, 1)));
+        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, to_world.m);
+        for (int32_t step = 0; step < moves.steps; ++step) rtcSetGeometryTransform(geometry, unsigned(step), RTC_FORMAT_FLOAT3X4_ROW_MAJOR, moves.maps[step].m);
+        if (moves.steps > 0)
+            motion[object].assign(moves.maps, moves.maps + moves.steps);
+        else
+            motion.erase(object);
+    }
+    rtcSetGeometryMask(geometry, visibility);
+    rtcCommitGeometry(geometry);
+    now = {visibility, instanced ? entry.generation : 0};
+    return true;
+}
+
+void Accelerator::State::place(Builder& builder, const scene::SceneTables& tables, bool flatten) {
+    const scene::SceneView& view = tables.view;
+    const int32_t objects = view.object_count;
+
+    // Who is placed at all: by rank of the map, 0 for those that are not.
+    std::vector<uint8_t> ranks(size_t(objects), 0);
+    std::vector<bool> shown(tables.keep_alive.size(), false);
+    std::unordered_set<const scene::Mesh*> used;
+    for (int32_t i = 0; i < objects; ++i) {
+        const scene::TraitsView& traits = scene::traits_of(view, i);
+        if (traits.visibility == 0 || traits.mesh < 0 || size_t(traits.mesh) >= shown.size()) continue;
+        const scene::Mesh* mesh = tables.keep_alive[size_t(traits.mesh)].get();
+        const Affine& to_world = view.objects[i].to_world;
+        const int of = mesh && mesh->primitive_count() > 0 && is_finite(to_world) ? rank(to_world) : 0;
+        if (of < 2) continue;
+        ranks[size_t(i)] = uint8_t(of);
+        shown[size_t(traits.mesh)] = true;
+    }
+    for (size_t handle = 0; handle < shown.size(); ++handle)
+        if (shown[handle]) used.insert(tables.keep_alive[handle].get());
     std::erase_if(meshes, [&](const auto& entry) { return !used.contains(entry.first); });
-    for (size_t i = 0; i < objects; ++i) {
-        if (!meshes_of[i]) continue;
-        MeshEntry& entry = meshes[meshes_of[i]];
+    std::vector<MeshEntry*> entries(shown.size(), nullptr);  // by handle
+    for (size_t handle = 0; handle < shown.size(); ++handle) {
+        if (!shown[handle]) continue;
+        const std::shared_ptr<const scene::Mesh>& mesh = tables.keep_alive[handle];
+        MeshEntry& entry = *(entries[handle] = &meshes[mesh.get()]);
         entry.uses = 0;
         entry.instanced = false;
         if (entry.mesh) continue;
         // What coincides now may part a moment later.
-        if (meshes_of[i]->kind == scene::GeometryKind::Triangles && meshes_of[i]->motion_steps == 1) {
-            entry.repeated = repeated_triangles(*meshes_of[i], [&] {
+        if (mesh->kind == scene::GeometryKind::Triangles && mesh->motion_steps == 1) {
+            entry.repeated = repeated_triangles(*mesh, [&] {
                 if (!builder.progress.report(0)) throw Cancelled{};
             });
         }
-        entry.mesh = mesh_of(i);
+        entry.mesh = mesh;
     }
-    const std::vector<uint32_t> masks = unshadowed_visibility(tables, meshes_of);
+    const auto entry_of = [&](int32_t i) -> MeshEntry& { return *entries[size_t(scene::traits_of(view, i).mesh)]; };
+    const std::vector<uint32_t> masks = unshadowed_visibility(view, [&](int32_t i) { return ranks[size_t(i)] > 0 ? entry_of(i).mesh.get() : nullptr; });
 
     // How. A map that squashes the mesh flat has no inverse, so it cannot be an instance; round things stay round in their own space only.
-    std::vector<Placement> how(objects, Placement::Absent);
+    std::vector<Placement> how(size_t(objects), Placement::Absent);
     double top_triangles = 0;
-    for (size_t i = 0; i < objects; ++i) {
-        if (masks[i] == 0) continue;
-        const bool round = meshes_of[i]->kind != scene::GeometryKind::Triangles;
-        if (round && rank(tables.view.objects[i].to_world) == 2) continue;
-        how[i] = rank(tables.view.objects[i].to_world) == 2 ? Placement::Flattened : Placement::Instanced;
-        if (how[i] == Placement::Instanced) ++meshes[meshes_of[i]].uses;
+    for (int32_t i = 0; i < objects; ++i) {
+        if (masks[size_t(i)] == 0) continue;
+        MeshEntry& entry = entry_of(i);
+        const bool squashed = ranks[size_t(i)] == 2;
+        if (squashed && entry.mesh->kind != scene::GeometryKind::Triangles) continue;
+        how[size_t(i)] = squashed ? Placement::Flattened : Placement::Instanced;
+        if (!squashed) ++entry.uses;
     }
-    for (size_t i = 0; i < objects; ++i) {
-        if (how[i] == Placement::Absent) continue;
-        MeshEntry& entry = meshes[meshes_of[i]];
-        const bool stays = entry.mesh->kind == scene::GeometryKind::Triangles && tables.view.objects[i].motion_steps == 0;
-        if (flatten && entry.uses == 1 && stays) how[i] = Placement::Flattened;
-        if (how[i] == Placement::Instanced) entry.instanced = true;
-        top_triangles += how[i] == Placement::Flattened ? double(entry.mesh->primitive_count()) : 1;
+    for (int32_t i = 0; i < objects; ++i) {
+        if (how[size_t(i)] == Placement::Absent) continue;
+        MeshEntry& entry = entry_of(i);
+        const bool stays = entry.mesh->kind == scene::GeometryKind::Triangles && scene::motion_of(view, i).steps == 0;
+        if (flatten && entry.uses == 1 && stays) how[size_t(i)] = Placement::Flattened;
+        if (how[size_t(i)] == Placement::Instanced) entry.instanced = true;
+        top_triangles += how[size_t(i)] == Placement::Flattened ? double(entry.mesh->primitive_count()) : 1;
     }
 
     // Hierarchies of meshes that are instanced.
@@ -292,18 +376,16 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     }
     high_quality = flatten;
     builder.progress.total = triangles + top_triangles + 1;
-    for (size_t i = 0; i < objects; ++i) {
-        if (how[i] != Placement::Instanced) continue;
-        MeshEntry& entry = meshes.at(mesh_of(i).get());
-        if (entry.scene) continue;
+    for (MeshEntry* entry : entries) {
+        if (!entry || !entry->instanced || entry->scene) continue;
         ScenePtr scene = builder.new_scene(quality);
-        const GeometryPtr geometry = builder.make(entry, nullptr);
+        const GeometryPtr geometry = builder.make(*entry, nullptr);
         rtcSetGeometryMask(geometry.get(), ~0u);
         rtcCommitGeometry(geometry.get());
         rtcAttachGeometryByID(scene.get(), geometry.get(), 0);
-        builder.commit(scene.get(), double(entry.mesh->primitive_count()), "Mesh '" + entry.mesh->name + "'");
-        entry.scene = std::move(scene);
-        entry.generation = ++generation;
+        builder.commit(scene.get(), double(entry->mesh->primitive_count()), "Mesh '" + entry->mesh->name + "'");
+        entry->scene = std::move(scene);
+        entry->generation = ++generation;
     }
 
     // Objects: what stayed the same is left alone.
@@ -312,56 +394,17 @@ void Accelerator::State::place(Builder& builder, const scene::SceneTables& table
     bool changed = !top;
     if (!top) top = builder.new_scene(quality);
     rtcSetSceneBuildQuality(top.get(), quality);
-    for (size_t i = objects; i < placed.size(); ++i) {
-        if (placed[i].geometry) rtcDetachGeometry(top.get(), unsigned(i));
-        changed |= placed[i].geometry != nullptr;
-    }
-    placed.resize(objects);
-    for (size_t i = 0; i < objects; ++i) {
-        const scene::ObjectView& object = tables.view.objects[i];
-        Placed& was = placed[i];
-        if (how[i] == Placement::Absent) {
-            if (was.geometry) rtcDetachGeometry(top.get(), unsigned(i));
-            changed |= was.geometry != nullptr;
-            was = {};
-            continue;
-        }
-        const MeshEntry& entry = meshes.at(mesh_of(i).get());
-        const bool instanced = how[i] == Placement::Instanced;
-        const size_t steps = instanced ? size_t(object.motion_steps) : 0;
-        const bool moved = !same(was.to_world, object.to_world) || was.motion.size() != steps ||
-                           (steps > 0 && std::memcmp(was.motion.data(), object.motion, steps * sizeof(Affine)) != 0);
-        const bool keeps = was.how == how[i] && was.mesh == entry.mesh && (instanced ? was.generation == entry.generation : !moved);
-        if (keeps && !moved && was.visibility == masks[i]) continue;
-        changed = true;
-        if (!keeps) {
-            if (was.geometry) rtcDetachGeometry(top.get(), unsigned(i));
-            was = {};
-            if (instanced) {
-                was.geometry.reset(rtcNewGeometry(builder.device, RTC_GEOMETRY_TYPE_INSTANCE));
-                rtcSetGeometryInstancedScene(was.geometry.get(), entry.scene.get());
-            } else {
-                was.geometry = builder.make(entry, &object.to_world);
-            }
-            rtcAttachGeometryByID(top.get(), was.geometry.get(), unsigned(i));
-        }
-        if (instanced) {
-            rtcSetGeometryTimeStepCount(was.geometry.get(), unsigned(std::max<size_t>(steps, 1)));
-            rtcSetGeometryTransform(was.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, object.to_world.m);
-            for (size_t step = 0; step < steps; ++step)
-                rtcSetGeometryTransform(was.geometry.get(), unsigned(step), RTC_FORMAT_FLOAT3X4_ROW_MAJOR, object.motion[step].m);
-        }
-        rtcSetGeometryMask(was.geometry.get(), masks[i]);
-        rtcCommitGeometry(was.geometry.get());
-        was.how = how[i];
-        was.mesh = entry.mesh;
-        was.to_world = object.to_world;
-        was.motion.assign(object.motion, object.motion + steps);
-        was.visibility = masks[i];
-        was.generation = entry.generation;
+    const size_t before = geometries;
+    for (size_t i = size_t(objects); i < placed.size(); ++i) detach(int32_t(i));
+    placed.resize(size_t(objects));
+    for (int32_t i = 0; i < objects; ++i) {
+        if (how[size_t(i)] == Placement::Absent)
+            detach(i);
+        else
+            changed |= attach(builder, view, i, masks[size_t(i)], entry_of(i), how[size_t(i)] == Placement::Instanced);
     }
     check(builder.state, {});
-    if (changed) builder.commit(top.get(), top_triangles, {});
+    if (changed || geometries != before) builder.commit(top.get(), top_triangles, {});
 }
 
 void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& options) {
@@ -382,7 +425,14 @@ void Accelerator::build(const scene::SceneTables& tables, const BuildOptions& op
 }
 
 size_t Accelerator::bytes() const {
-    return size_t(std::max<int64_t>(0, state_->device_state.bytes.load()));
+    return size_t(std::max<int64_t>(0, state_->device_state.bytes.load())) + state_->geometries * kGeometryBytes;
+}
+size_t Accelerator::own_bytes() const {
+    const State& s = *state_;
+    size_t bytes = s.placed.capacity() * sizeof(Placed) + s.flat.size() * (sizeof(Flat) + kNodeBytes);
+    for (const auto& [object, maps] : s.motion) bytes += kNodeBytes + sizeof maps + maps.capacity() * sizeof(Affine);
+    for (const auto& [mesh, entry] : s.meshes) bytes += kNodeBytes + sizeof entry + entry.repeated.capacity() * sizeof(uint32_t);
+    return bytes;
 }
 const void* Accelerator::handle() const {
     return state_->top.get();
@@ -392,12 +442,12 @@ size_t estimate_bytes(const scene::SceneTables& tables) {
     std::vector<bool> counted(tables.meshes.size(), false);
     size_t bytes = 0;
     for (int32_t i = 0; i < tables.view.object_count; ++i) {
-        const scene::ObjectView& object = tables.view.objects[i];
-        if (object.mesh < 0 || object.visibility == 0) continue;
-        bytes += 400;
-        if (counted[size_t(object.mesh)]) continue;
-        counted[size_t(object.mesh)] = true;
-        const scene::MeshView& mesh = tables.meshes[size_t(object.mesh)];
+        const scene::TraitsView& traits = scene::traits_of(tables.view, i);
+        if (traits.mesh < 0 || traits.visibility == 0) continue;
+        bytes += 440;
+        if (counted[size_t(traits.mesh)]) continue;
+        counted[size_t(traits.mesh)] = true;
+        const scene::MeshView& mesh = tables.meshes[size_t(traits.mesh)];
         const size_t each = mesh.kind == scene::GeometryKind::Triangles ? 150 : mesh.kind == scene::GeometryKind::Curves ? 250 : 120;
         bytes += 3500 + each * size_t(mesh.primitive_count) * size_t(mesh.motion_steps);
     }
@@ -425,8 +475,10 @@ void check_embree() {
     mesh->triangle_vertices = {0, 1, 2};
     scene::Scene scene;
     scene.meshes = {mesh};
+    scene.traits.resize(1);
+    scene.traits[0].mesh = 0;
     scene.objects.resize(1);
-    scene.objects[0].mesh = 0;
+    scene.objects[0].traits = 0;
     scene::SceneTables tables;
     scene::make_scene_view(scene, 0, tables);
     Accelerator accelerator;

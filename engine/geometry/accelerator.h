@@ -55,6 +55,7 @@ public:
     /// `tables` and the meshes it keeps alive may go afterwards. Not while rays are traced.
     void build(const scene::SceneTables& tables, const BuildOptions& options);
     size_t bytes() const;        ///< Embree's memory
+    size_t own_bytes() const;    ///< what is kept beside it, to know what changed: 8 an instance
     const void* handle() const;  ///< the RTCScene, for kernels in this layer; null before the first build
 
 private:
@@ -62,8 +63,8 @@ private:
     std::unique_ptr<State> state_;
 };
 
-/// What a build will take at its peak, bytes: 150 a triangle (measured: 115 to 130 at the peak, 72 stay), however often its mesh is placed; 400 an object and
-/// 3,500 a mesh.
+/// What a build will take at its peak, bytes: 150 a triangle (measured: 115 to 130 at the peak, 72 stay), however often its mesh is placed; 440 an object and
+/// 3,500 a mesh (measured: 415 of Embree, which keeps 385, and some 20).
 size_t estimate_bytes(const scene::SceneTables& tables);
 
 /// Traces a known triangle; throws Error when another Embree than the one compiled against answers (called once at load).
@@ -77,8 +78,8 @@ std::string embree_version();
 struct TraceOptions {
     int width = 8;
     bool coherent = false;
-    /// Only where SceneView::has_blockers: the scene's objects, for rays with a group in their mask (scene::blocker_group) meet none but its blockers.
-    const scene::ObjectView* objects = nullptr;
+    /// Only where SceneView::has_blockers: the scene, for rays with a group in their mask (scene::blocker_group) meet none but its blockers.
+    const scene::SceneView* blockers = nullptr;
 };
 
 inline namespace TALBOT_ISA {  // kernels

@@ -41,26 +41,34 @@ bool equal(Vec3 a, Vec3 b) {
     return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
+/// Of many hashes, which may be there twice: two bitmaps, small enough for the caches; few others share their bits.
+class Twins {
+public:
+    explicit Twins(size_t n) : once_(std::bit_ceil(std::max<size_t>(16 * n, 64)) / 64, 0), again_(once_) {}
+    void add(uint64_t h) {
+        const uint64_t bit = h & (once_.size() * 64 - 1), mask = uint64_t(1) << (bit & 63);
+        again_[bit / 64] |= once_[bit / 64] & mask;
+        once_[bit / 64] |= mask;
+    }
+    bool may_have_one(uint64_t h) const { return again_[(h & (again_.size() * 64 - 1)) / 64] >> (h & 63) & 1; }
+
+private:
+    std::vector<uint64_t> once_, again_;
+};
+
 /// For every vertex the first one in the same position; empty when all positions differ, as they do in most meshes.
 std::vector<uint32_t> first_at_position(const std::vector<Vec3>& positions, const std::function<void()>& poll) {
-    // Two bitmaps, small enough for the caches, tell which vertices may have a twin; few others share their bits.
     const size_t n = positions.size();
-    const size_t bits = std::bit_ceil(std::max<size_t>(16 * n, 64));
-    std::vector<uint64_t> once(bits / 64, 0), again(bits / 64, 0);
-    for_each(n, poll, [&](size_t i) {
-        const uint64_t bit = hash_position(positions[i]) & (bits - 1), mask = uint64_t(1) << (bit & 63);
-        again[bit / 64] |= once[bit / 64] & mask;
-        once[bit / 64] |= mask;
-    });
-    const auto may_have_twin = [&](uint64_t h) { return again[(h & (bits - 1)) / 64] >> (h & 63) & 1; };
+    Twins twins(n);
+    for_each(n, poll, [&](size_t i) { twins.add(hash_position(positions[i])); });
     size_t candidates = 0;
-    for_each(n, poll, [&](size_t i) { candidates += may_have_twin(hash_position(positions[i])); });
+    for_each(n, poll, [&](size_t i) { candidates += twins.may_have_one(hash_position(positions[i])); });
 
     // Those go through a table with open addressing; a slot holds a vertex plus one.
     std::vector<uint32_t> table(std::bit_ceil(2 * candidates + 1), 0), first;
     for_each(n, poll, [&](size_t i) {
         const uint64_t h = hash_position(positions[i]);
-        if (!may_have_twin(h) || !equal(positions[i], positions[i])) return;  // NaN equals nothing
+        if (!twins.may_have_one(h) || !equal(positions[i], positions[i])) return;  // NaN equals nothing
         size_t slot = (h >> 20) & (table.size() - 1);
         while (table[slot] != 0 && !equal(positions[i], positions[table[slot] - 1])) slot = (slot + 1) & (table.size() - 1);
         if (table[slot] == 0) {
@@ -119,29 +127,44 @@ std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::fun
     return repeated;
 }
 
-std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, std::span<const scene::Mesh* const> meshes) {
-    // Hash of the map and of a few numbers of the mesh; then the first of every equal set keeps what all before it do not see.
+std::vector<uint32_t> unshadowed_visibility(const scene::SceneView& view, const std::function<const scene::Mesh*(int32_t object)>& mesh_of) {
     const auto same_mesh = [](const scene::Mesh& a, const scene::Mesh& b) {
         return &a == &b || (a.kind == scene::GeometryKind::Triangles && b.kind == a.kind && a.motion_steps == 1 && b.motion_steps == 1 &&
                             a.triangle_vertices == b.triangle_vertices && a.positions.size() == b.positions.size() &&
                             std::equal(a.positions.begin(), a.positions.end(), b.positions.begin(), equal));
     };
-    constexpr uint32_t unlinked = scene::kVisibleAll & ~uint32_t(scene::kVisibleShadow);  // rays that ask for no blockers
-    std::vector<uint32_t> masks(meshes.size(), 0);
-    std::unordered_multimap<uint64_t, size_t> seen;
-    for (size_t i = 0; i < meshes.size(); ++i) {
-        if (!meshes[i]) continue;
-        const scene::ObjectView& object = tables.view.objects[i];
-        uint64_t h = hash_position(meshes[i]->positions.front()) + meshes[i]->triangle_vertices.size();
-        for (const auto& row : object.to_world.m)
+    // Of the map and of a few numbers of the mesh.
+    const auto hash = [&](int32_t i, const scene::Mesh& mesh) {
+        uint64_t h = hash_position(mesh.positions.front()) + mesh.triangle_vertices.size();
+        for (const auto& row : view.objects[i].to_world.m)
             for (float x : row) h = mix(h, std::bit_cast<uint32_t>(x));
-        masks[i] = object.visibility;
-        if (object.motion_steps > 0) continue;
+        return h;
+    };
+    const int32_t n = view.object_count;
+    std::vector<uint32_t> masks(size_t(n), 0);
+    Twins twins(static_cast<size_t>(n));
+    for (int32_t i = 0; i < n; ++i) {
+        const scene::Mesh* mesh = mesh_of(i);
+        if (!mesh) continue;
+        masks[size_t(i)] = scene::traits_of(view, i).visibility;
+        if (scene::motion_of(view, i).steps == 0) twins.add(hash(i, *mesh));
+    }
+
+    // The first of every equal set keeps what all before it do not see.
+    constexpr uint32_t unlinked = scene::kVisibleAll & ~uint32_t(scene::kVisibleShadow);  // rays that ask for no blockers
+    std::unordered_multimap<uint64_t, int32_t> seen;
+    for (int32_t i = 0; i < n; ++i) {
+        const scene::Mesh* mesh = mesh_of(i);
+        if (!mesh || scene::motion_of(view, i).steps > 0) continue;
+        const uint64_t h = hash(i, *mesh);
+        if (!twins.may_have_one(h)) continue;
+        const scene::TraitsView& traits = scene::traits_of(view, i);
         const auto [begin, end] = seen.equal_range(h);
         for (auto at = begin; at != end; ++at) {
-            const size_t k = at->second;
-            if (std::memcmp(&tables.view.objects[k].to_world, &object.to_world, sizeof(Affine)) == 0 && same_mesh(*meshes[k], *meshes[i]))
-                masks[i] &= ~(tables.view.objects[k].visibility & (tables.view.objects[k].blocks == object.blocks ? ~0u : unlinked));
+            const int32_t k = at->second;
+            if (std::memcmp(&view.objects[k].to_world, &view.objects[i].to_world, sizeof(Affine)) != 0 || !same_mesh(*mesh_of(k), *mesh)) continue;
+            const scene::TraitsView& other = scene::traits_of(view, k);
+            masks[size_t(i)] &= ~(other.visibility & (other.blocks == traits.blocks ? ~0u : unlinked));
         }
         seen.emplace(h, i);
     }

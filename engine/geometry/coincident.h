@@ -16,8 +16,8 @@ namespace talbot::geometry {
 /// Throws Error when a triangle names a vertex that does not exist.
 std::vector<uint32_t> repeated_triangles(const scene::Mesh& mesh, const std::function<void()>& poll);
 
-/// mask[i] = visibility[i] without the rays that already see an earlier object with equal triangles in the same place.
-/// `meshes[i]` is null where object i is not placed; its mask is 0.
-std::vector<uint32_t> unshadowed_visibility(const scene::SceneTables& tables, std::span<const scene::Mesh* const> meshes);
+/// mask[i] = visibility of object i without the rays that already see an earlier object with equal triangles in the same place; 0 where it is not placed.
+/// `mesh_of` is null then.
+std::vector<uint32_t> unshadowed_visibility(const scene::SceneView& view, const std::function<const scene::Mesh*(int32_t object)>& mesh_of);
 
 }  // namespace talbot::geometry

@@ -37,9 +37,9 @@ float pixel_width(const scene::Camera& camera, int width) {
 }
 
 /// How finely this object would be diced where it is nearest to the camera.
-float fineness(const DicingMeter& meter, const scene::ObjectView& object, const Vec3 (&box)[2]) {
+float fineness(const DicingMeter& meter, const Affine& to_object, const Vec3 (&box)[2]) {
     const scene::Camera& camera = *meter.camera;
-    const Vec3 eye = transform_point(object.to_object, {camera.to_world.m[0][3], camera.to_world.m[1][3], camera.to_world.m[2][3]});
+    const Vec3 eye = transform_point(to_object, {camera.to_world.m[0][3], camera.to_world.m[1][3], camera.to_world.m[2][3]});
     const Vec3 nearest{std::clamp(eye.x, box[0].x, box[1].x), std::clamp(eye.y, box[0].y, box[1].y), std::clamp(eye.z, box[0].z, box[1].z)};
     const float step = 1e-3f * std::max(length(box[1] - box[0]), 1e-20f);
     float sum = 0;
@@ -62,11 +62,11 @@ DicingMeter meter_of(const scene::SceneTables& tables, const scene::Scene& scene
         box[1] = {std::max(box[1].x, p.x), std::max(box[1].y, p.y), std::max(box[1].z, p.z)};
     }
     float finest = -1;
-    for (const scene::ObjectView& object : tables.objects) {
-        if (object.mesh != int32_t(handle)) continue;
+    for (int32_t i = 0; i < tables.view.object_count; ++i) {
+        if (scene::traits_of(tables.view, i).mesh != int32_t(handle)) continue;
         DicingMeter here = meter;
-        here.to_world = object.to_world;
-        const float fine = fineness(here, object, box);
+        here.to_world = tables.view.objects[i].to_world;
+        const float fine = fineness(here, tables.view.to_object[i], box);
         if (fine > finest) {
             finest = fine;
             meter = here;
@@ -119,8 +119,10 @@ void dice_meshes(scene::SceneTables& tables, const scene::Scene& scene, size_t b
     const std::vector<DicedMesh> before = std::move(known);
     known.clear();
     std::vector<bool> shown(tables.meshes.size());
-    for (const scene::ObjectView& object : tables.objects)
-        if (object.mesh >= 0) shown[size_t(object.mesh)] = true;
+    for (int32_t i = 0; i < tables.view.object_count; ++i) {
+        const int32_t mesh = scene::traits_of(tables.view, i).mesh;
+        if (mesh >= 0) shown[size_t(mesh)] = true;
+    }
     for (size_t handle = 0; handle < tables.meshes.size(); ++handle) {
         const std::shared_ptr<const scene::Mesh> cage = tables.keep_alive[handle];
         if (!shown[handle] || !cage || cage->subdivision.scheme == scene::SubdivisionScheme::None) continue;

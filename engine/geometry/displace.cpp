@@ -6,6 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "scene/motion.h"
+
 namespace talbot::geometry {
 namespace {
 
@@ -126,7 +128,7 @@ private:
                   std::vector<Vec3>& offsets) {
         const shader::CompiledShader& compiled = programs_.shaders[size_t(shader)];
         const shader::Program& program = *programs_.programs[size_t(compiled.displacement)];
-        const scene::ObjectView& placed = tables_.objects[size_t(object)];
+        const scene::Placement placed{tables_.view.objects[object].to_world, tables_.view.to_object[object]};
         std::atomic<int64_t> broken{0};
         pool_.parallel_for(corners.size(), kSpan, [&](size_t begin, size_t end, int worker) {
             check();
@@ -243,12 +245,12 @@ private:
     std::vector<std::unique_ptr<SpanMemory>> memory_;
 };
 
-/// The object's displacing shaders by slot; empty when none displaces.
-std::vector<int32_t> displacing_shaders(const scene::SceneTables& tables, const shader::Programs& programs, const scene::ObjectView& object) {
+/// The displacing shaders by slot; empty when none displaces.
+std::vector<int32_t> displacing_shaders(const scene::SceneTables& tables, const shader::Programs& programs, const scene::TraitsView& traits) {
     std::vector<int32_t> out;
     bool any = false;
-    for (int slot = 0; slot < object.material_count; ++slot) {
-        const int32_t shader = tables.material_slots[size_t(object.material_offset + slot)];
+    for (int slot = 0; slot < traits.material_count; ++slot) {
+        const int32_t shader = tables.material_slots[size_t(traits.material_offset + slot)];
         out.push_back(programs.shaders[size_t(shader)].displacement >= 0 ? shader : -1);
         any |= out.back() >= 0;
     }
@@ -273,18 +275,22 @@ void displace_meshes(scene::SceneTables& tables, const shader::Programs& program
     const std::vector<DisplacedMesh> before = std::move(known);
     known.clear();
     if (std::none_of(programs.shaders.begin(), programs.shaders.end(), [](const shader::CompiledShader& s) { return s.displacement >= 0; })) return;
-    // What is displaced, in the order of the objects; and every object's choice.
-    std::vector<int32_t> first_objects, choice(tables.objects.size(), -1);
-    for (size_t i = 0; i < tables.objects.size(); ++i) {
-        const scene::ObjectView& object = tables.objects[i];
-        if (object.mesh < 0 || tables.meshes[size_t(object.mesh)].kind != scene::GeometryKind::Triangles) continue;
-        std::vector<int32_t> shaders = displacing_shaders(tables, programs, object);
+    // What is displaced, in the order of the objects; and the choice of all objects with the same traits.
+    constexpr int32_t plain = -1, unseen = -2;
+    std::vector<int32_t> first_objects, choice(tables.traits.size() - 1, unseen);
+    for (int32_t i = 0; i < tables.view.object_count; ++i) {
+        const scene::Handle handle = tables.view.objects[i].traits;
+        if (handle < 0 || choice[size_t(handle)] != unseen) continue;
+        const scene::TraitsView& traits = tables.view.traits[handle];
+        choice[size_t(handle)] = plain;
+        if (traits.mesh < 0 || tables.meshes[size_t(traits.mesh)].kind != scene::GeometryKind::Triangles) continue;
+        std::vector<int32_t> shaders = displacing_shaders(tables, programs, traits);
         if (shaders.empty()) continue;
-        const auto found = std::find_if(known.begin(), known.end(), [&](const DisplacedMesh& d) { return d.handle == object.mesh && d.shaders == shaders; });
-        choice[i] = int32_t(found - known.begin());
+        const auto found = std::find_if(known.begin(), known.end(), [&](const DisplacedMesh& d) { return d.handle == traits.mesh && d.shaders == shaders; });
+        choice[size_t(handle)] = int32_t(found - known.begin());
         if (found != known.end()) continue;
-        known.push_back({object.mesh, std::move(shaders), tables.keep_alive[size_t(object.mesh)], nullptr, {}});
-        first_objects.push_back(int32_t(i));
+        known.push_back({traits.mesh, std::move(shaders), tables.keep_alive[size_t(traits.mesh)], nullptr, {}});
+        first_objects.push_back(i);
     }
     if (known.empty()) return;
 
@@ -305,7 +311,7 @@ void displace_meshes(scene::SceneTables& tables, const shader::Programs& program
     for (size_t k = 0; k < known.size(); ++k) {
         DisplacedMesh& d = known[k];
         bool alone = true;
-        for (size_t i = 0; i < tables.objects.size() && alone; ++i) alone = tables.objects[i].mesh != d.handle || choice[i] == int32_t(k);
+        for (size_t i = 0; i < choice.size() && alone; ++i) alone = choice[i] == unseen || tables.view.traits[i].mesh != d.handle || choice[i] == int32_t(k);
         places[k] = alone ? d.handle : int32_t(tables.meshes.size());
         if (!alone) {
             tables.meshes.emplace_back();
@@ -315,8 +321,8 @@ void displace_meshes(scene::SceneTables& tables, const shader::Programs& program
         tables.meshes[size_t(places[k])] = scene::view_mesh(*d.mesh, tables, d.attributes.data());
         tables.keep_alive[size_t(places[k])] = d.mesh;
     }
-    for (size_t i = 0; i < tables.objects.size(); ++i)
-        if (choice[i] >= 0) tables.objects[i].mesh = places[size_t(choice[i])];
+    for (size_t i = 0; i < choice.size(); ++i)
+        if (choice[i] >= 0) tables.traits[1 + i].mesh = places[size_t(choice[i])];
     tables.view.meshes = tables.meshes.data();
 }
 

@@ -91,7 +91,7 @@ struct SpanScratch {
     shader::ShadingSpan span;
     float* registers = nullptr;
     float* error = nullptr;                 ///< position error of each shading point, m
-    float* terminator_frequency = nullptr;  ///< of the object (see scene::ObjectView)
+    float* terminator_frequency = nullptr;  ///< of the object (see scene::TraitsView)
     bool shifts_terminator = false;         ///< some of them are not 1
     float* time = nullptr;                  ///< the span's, where something moves
     int32_t* lane = nullptr;                ///< path lane of each span lane

@@ -158,15 +158,15 @@ void bound(const TriangleSet& set, const MeshEmitter& emitter, const std::vector
 }
 
 /// What moves: one ball for the whole shutter, and nothing said of directions.
-void bound_moving(const TriangleSet& set, const scene::ObjectView& object, const scene::MeshView& mesh, Reach& reach) {
+void bound_moving(const TriangleSet& set, const Affine& to_world, scene::MotionView motion, const scene::MeshView& mesh, Reach& reach) {
     Vec3 low = set.low, high = set.high;
     for (size_t i = 0; mesh.motion_positions && i < size_t(mesh.motion_steps) * mesh.position_count; ++i) {
         low = min3(low, mesh.motion_positions[i]);
         high = max3(high, mesh.motion_positions[i]);
     }
     Vec3 world_low = vec3(1e30f), world_high = vec3(-1e30f);
-    for (int step = 0; step < std::max(object.motion_steps, 1); ++step) {
-        const Affine& m = object.motion_steps > 0 ? object.motion[step] : object.to_world;
+    for (int step = 0; step < std::max(motion.steps, 1); ++step) {
+        const Affine& m = motion.steps > 0 ? motion.maps[step] : to_world;
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3 p = transform_point(m, {corner & 1 ? high.x : low.x, corner & 2 ? high.y : low.y, corner & 4 ? high.z : low.z});
             world_low = min3(world_low, p);
@@ -176,7 +176,7 @@ void bound_moving(const TriangleSet& set, const scene::ObjectView& object, const
     reach.center = (world_low + world_high) * 0.5f;
     reach.radius = length(world_high - reach.center);
     reach.kind = ReachKind::Isotropic;
-    reach.strength = float(0.25 * set.weight * std::pow(std::abs(double(determinant(object.to_world))), 2.0 / 3.0));
+    reach.strength = float(0.25 * set.weight * std::pow(std::abs(double(determinant(to_world))), 2.0 / 3.0));
 }
 
 /// Two triangles that make a rectangle with one constant emission are sampled as a whole.
@@ -221,7 +221,6 @@ bool as_rect(const TriangleSet& set, const MeshEmitter& emitter, const shader::P
 void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs, Report& report, const std::atomic<bool>* cancel,
                 EmitterTable& table) {
     const scene::SceneView& view = tables.view;
-    table.object_emitter.assign(size_t(view.object_count), -1);
     if (!scene.settings.use_emission_sampling) return;
     std::vector<EmissiveShader> emissive;
     bool any = false;
@@ -230,38 +229,41 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         any |= emissive.back().estimate > 0;
     }
     if (!any) return;
+    table.object_emitter.assign(size_t(view.object_count), -1);
 
     std::map<std::pair<int32_t, int32_t>, TriangleSet> sets;
     for (int32_t i = 0; i < view.object_count; ++i) {
         if (cancel && cancel->load()) throw Cancelled{};
-        const scene::ObjectView& object = view.objects[i];
-        if (object.mesh < 0 || object.visibility == 0) continue;
-        const int32_t* slots = view.material_slots + object.material_offset;
-        const bool emits = std::any_of(slots, slots + object.material_count, [&](int32_t s) { return emissive[size_t(s)].estimate > 0; });
+        const scene::TraitsView& traits = scene::traits_of(view, i);
+        if (traits.mesh < 0 || traits.visibility == 0) continue;
+        const int32_t* slots = view.material_slots + traits.material_offset;
+        const bool emits = std::any_of(slots, slots + traits.material_count, [&](int32_t s) { return emissive[size_t(s)].estimate > 0; });
         if (!emits) continue;
-        const auto [entry, is_new] = sets.try_emplace({object.mesh, object.material_offset});
+        const auto [entry, is_new] = sets.try_emplace({traits.mesh, traits.material_offset});
         TriangleSet& set = entry->second;
-        if (is_new) set = add_triangles(view.meshes[object.mesh], slots, object.material_count, emissive, table);
+        if (is_new) set = add_triangles(view.meshes[traits.mesh], slots, traits.material_count, emissive, table);
         if (set.count == 0) continue;
 
         MeshEmitter emitter;
-        emitter.to_world = object.to_world;
+        const Affine& to_world = view.objects[i].to_world;
+        const scene::MotionView motion = scene::motion_of(view, i);
+        emitter.to_world = to_world;
         emitter.first = set.first;
         emitter.count = set.count;
         emitter.root = set.root;
-        emitter.to_object = object.to_object;
-        const scene::MeshView& mesh = view.meshes[object.mesh];
-        emitter.moves = object.motion_steps > 0 || mesh.motion_positions;
+        emitter.to_object = view.to_object[i];
+        const scene::MeshView& mesh = view.meshes[traits.mesh];
+        emitter.moves = motion.steps > 0 || mesh.motion_positions;
         // The tree knows the normals of one shape only.
-        emitter.space = mesh.motion_positions ? TreeSpace::Bent : tree_space(object.to_world);
+        emitter.space = mesh.motion_positions ? TreeSpace::Bent : tree_space(to_world);
         emitter.map = set.map;
         emitter.object = i;
-        emitter.visibility = int32_t(scene::with_catcher_bits(object.visibility, object.is_shadow_catcher));
-        emitter.blockers = int32_t(shadow_mask(object.linking));
-        emitter.front_sign = object.negative_scale ? -1.0f : 1.0f;
+        emitter.visibility = int32_t(scene::with_catcher_bits(traits.visibility, traits.is_shadow_catcher));
+        emitter.blockers = int32_t(shadow_mask(traits.linking));
+        emitter.front_sign = determinant(to_world) < 0 ? -1.0f : 1.0f;
         Reach reach;
         if (emitter.moves)
-            bound_moving(set, object, mesh, reach);
+            bound_moving(set, to_world, motion, mesh, reach);
         else
             bound(set, emitter, emissive, table, reach);
         if (!(reach.strength > 0)) continue;
@@ -281,7 +283,7 @@ void add_meshes(const scene::Scene& scene, const scene::SceneTables& tables, con
         table.object_emitter[size_t(i)] = int32_t(table.emitters.size());
         table.emitters.push_back(out);
         table.reach.push_back(reach);
-        table.receivers.push_back(object.linking.receivers);
+        table.receivers.push_back(traits.linking.receivers);
         table.meshes.push_back(emitter);
     }
 }

@@ -199,7 +199,7 @@ struct EmitterView {
     const LightTriangle* triangles = nullptr;
     const int32_t* primitive_to_triangle = nullptr;
     const int32_t* object_emitter = nullptr;  ///< by object: index into emitters, -1: not sampled
-    int object_count = 0;
+    int object_count = 0;                     ///< 0 where no mesh emits
     const Sun* suns = nullptr;
     int sun_count = 0;
     bool has_lamp_programs = false;

@@ -176,9 +176,8 @@ void remove_mesh(NativeSession& native, Handle handle) {
     check_handle(native.mesh_pool, handle, scene.meshes.size(), "mesh");
     scene.meshes[size_t(handle)] = nullptr;
     // Objects that are still there show nothing, and must not show what gets this handle next.
-    for (size_t i = 0; i < scene.objects.size(); ++i) {
-        if (native.object_meshes[i] == handle) scene.objects[i].mesh = native.object_meshes[i] = kNone;
-    }
+    for (ObjectTraits& traits : scene.traits)
+        if (traits.mesh == handle) traits.mesh = kNone;
     native.mesh_pool.release(handle);
     scene.dirty |= kDirtyMeshes | kDirtyObjects;
     scene.dirty_meshes.push_back(handle);

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "python/native_session.h"
@@ -50,7 +51,7 @@ void set_motion(NativeSession& native, const py::dict& values) {
     if (motion.rolling) motion.rolling_duration = saturate(py::cast<float>(rolling));
     for (const int32_t i : which)
         if (i < -1 || i >= int64_t(motion.objects.size())) throw Error("Objects: 'object_motion' has an index out of bounds");
-    for (size_t i = 0; i < scene.objects.size(); ++i) scene.objects[i].motion = which.empty() ? kNone : which[i];
+    if (std::any_of(which.begin(), which.end(), [](int32_t i) { return i >= 0; })) motion.of_objects.assign(which.begin(), which.end());
     scene.motion = std::move(motion);
     scene.dirty |= kDirtyObjects | kDirtyCamera;
 }

@@ -1,6 +1,8 @@
 /// What Python's Session holds: the engine's session, and which handles are free.
 #pragma once
 
+#include <unordered_map>
+
 #include "python/convert.h"
 #include "session/session.h"
 
@@ -22,7 +24,7 @@ class NativeSession {
 public:
     Session session;
     HandlePool mesh_pool, shader_pool, image_pool;
-    std::vector<scene::Handle> object_meshes;  ///< of the last set_objects, also of objects that cannot be seen now
+    std::unordered_map<size_t, scene::Handle> hidden;  ///< traits of objects whose matrices are such that they cannot be seen
 
     /// The scene, with the workers stopped. The GIL is released while they stop.
     scene::Scene& edit();

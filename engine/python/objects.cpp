@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 
 #include "python/native_session.h"
 #include "scene/mesh_build.h"
@@ -10,8 +11,8 @@ using namespace talbot::scene;
 
 /// Lengths of optional columns must be n, indices must lie in [-1, bound).
 template <typename T>
-void check_column(std::span<const T> column, size_t n, const char* name) {
-    if (!column.empty() && column.size() != n) throw py::value_error("'" + std::string(name) + "' must have one row for each object");
+void check_column(std::span<const T> column, size_t n, const char* name, const char* each) {
+    if (!column.empty() && column.size() != n) throw py::value_error("'" + std::string(name) + "' must have one row for each " + each);
 }
 
 void check_indices(std::span<const int32_t> column, size_t bound, const char* name) {
@@ -20,10 +21,14 @@ void check_indices(std::span<const int32_t> column, size_t bound, const char* na
     }
 }
 
+/// Rows of the first three lines are objects, those of the others traits.
 struct ObjectColumns {
+    std::span<const int32_t> traits;
+    std::span<const uint32_t> random;
+    std::span<const float> matrix, dupli_generated, dupli_uv;
     std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set, receiver_set, linking;
-    std::span<const float> matrix, color, dupli_generated, dupli_uv, shading_offset, geometry_offset;
-    std::span<const uint32_t> visibility, blocks, random, flags;
+    std::span<const float> color, shading_offset, geometry_offset;
+    std::span<const uint32_t> visibility, blocks, flags;
 };
 
 std::vector<std::string> read_names(ArrayDict& arrays) {
@@ -80,24 +85,23 @@ std::vector<Linking> read_linkings(ArrayDict& arrays) {
     return linkings;
 }
 
-/// Places an object; one that cannot be seen keeps its slot, without a mesh.
-bool place(Object& object, Handle mesh, const float* matrix) {
+/// Places an object; one that cannot be seen keeps its slot, without traits.
+void place(NativeSession& native, const Scene& scene, size_t i, Handle traits, const float* matrix, Object& object) {
     object.to_world = affine_from_columns(matrix);
-    const bool visible = repair_transform(object.to_world);
-    object.mesh = visible ? mesh : kNone;
-    if (!visible) object.to_world = {};
-    return visible;
+    object.traits = traits;
+    if (traits == kNone || scene.traits[size_t(traits)].mesh == kNone || repair_transform(object.to_world)) return;
+    object = {{}, kNone, object.random};
+    native.hidden[i] = traits;
+    const Handle name = scene.traits[size_t(traits)].name;
+    native.session.report().warning("Its scale is zero or its matrix is not finite; it is not rendered",
+                                    name == kNone ? std::string() : "Object '" + scene.object_names[size_t(name)] + "'");
 }
 
-void warn_hidden(NativeSession& native, const Scene& scene, const Object& object) {
-    const std::string name = object.name == kNone ? std::string() : "Object '" + scene.object_names[size_t(object.name)] + "'";
-    native.session.report().warning("Its scale is zero or its matrix is not finite; it is not rendered", name);
-}
-
-std::vector<Object> make_objects(const ObjectColumns& c, size_t n) {
-    std::vector<Object> objects(n);
+std::vector<ObjectTraits> make_traits(const ObjectColumns& c, size_t n) {
+    std::vector<ObjectTraits> all(n);
     for (size_t i = 0; i < n; ++i) {
-        Object& o = objects[i];
+        ObjectTraits& o = all[i];
+        o.mesh = c.mesh[i];
         if (!c.name.empty()) o.name = c.name[i];
         if (!c.material_set.empty()) o.material_set = c.material_set[i];
         if (!c.attribute_set.empty()) o.attribute_set = c.attribute_set[i];
@@ -105,11 +109,8 @@ std::vector<Object> make_objects(const ObjectColumns& c, size_t n) {
         if (!c.receiver_set.empty()) o.receiver_set = uint8_t(c.receiver_set[i]);
         if (!c.blocks.empty()) o.blocks = c.blocks[2 * i] | uint64_t(c.blocks[2 * i + 1]) << 32;
         if (!c.linking.empty()) o.linking = c.linking[i];
-        if (!c.random.empty()) o.random = c.random[i];
         if (!c.pass_index.empty()) o.pass_index = c.pass_index[i];
         if (!c.color.empty()) std::copy_n(&c.color[i * 4], 4, o.color);
-        if (!c.dupli_generated.empty()) o.dupli_generated = {c.dupli_generated[i * 3], c.dupli_generated[i * 3 + 1], c.dupli_generated[i * 3 + 2]};
-        if (!c.dupli_uv.empty()) o.dupli_uv = {c.dupli_uv[i * 2], c.dupli_uv[i * 2 + 1]};
         if (!c.shading_offset.empty()) o.shadow_terminator_shading_offset = c.shading_offset[i];
         if (!c.geometry_offset.empty()) o.shadow_terminator_geometry_offset = c.geometry_offset[i];
         const uint32_t flags = c.flags.empty() ? 0 : c.flags[i];
@@ -117,7 +118,18 @@ std::vector<Object> make_objects(const ObjectColumns& c, size_t n) {
         o.is_holdout = flags & 2;
         o.is_shadow_catcher = flags & 4;
     }
-    return objects;
+    return all;
+}
+
+std::vector<Dupli> make_duplis(const ObjectColumns& c, size_t n) {
+    std::vector<Dupli> duplis;
+    if (c.dupli_generated.empty() && c.dupli_uv.empty()) return duplis;
+    duplis.resize(n);
+    for (size_t i = 0; i < n; ++i) {
+        if (!c.dupli_generated.empty()) duplis[i].generated = {c.dupli_generated[i * 3], c.dupli_generated[i * 3 + 1], c.dupli_generated[i * 3 + 2]};
+        if (!c.dupli_uv.empty()) duplis[i].uv = {c.dupli_uv[i * 2], c.dupli_uv[i * 2 + 1]};
+    }
+    return duplis;
 }
 
 }  // namespace
@@ -129,6 +141,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     }
     ArrayDict arrays(values);
     ObjectColumns c;
+    c.traits = arrays.get<int32_t>("traits", 1);
     c.mesh = arrays.get<int32_t>("mesh", 1);
     c.matrix = arrays.get<float>("matrix", 16);
     c.name = arrays.get<int32_t>("name", 1);
@@ -152,25 +165,27 @@ void set_objects(NativeSession& native, const py::dict& values) {
     std::vector<Linking> linkings = read_linkings(arrays);
     arrays.finish("The objects' dictionary");
 
-    const size_t n = c.mesh.size();
-    if (c.matrix.size() != n * 16) throw py::value_error("'matrix' must have one row for each object");
-    check_column(c.name, n, "name");
-    check_column(c.material_set, n, "material_set");
-    check_column(c.attribute_set, n, "attribute_set");
-    check_column(c.receiver_set, n, "receiver_set");
-    check_column(c.blocks, n * 2, "blocks");
-    check_column(c.linking, n, "linking");
-    check_column(c.visibility, n, "visibility");
-    check_column(c.random, n, "random");
-    check_column(c.pass_index, n, "pass_index");
-    check_column(c.color, n * 4, "color");
-    check_column(c.flags, n, "flags");
-    check_column(c.dupli_generated, n * 3, "dupli_generated");
-    check_column(c.dupli_uv, n * 2, "dupli_uv");
-    check_column(c.shading_offset, n, "shading_offset");
-    check_column(c.geometry_offset, n, "geometry_offset");
+    const size_t n = c.matrix.size() / 16, kinds = c.mesh.size();
+    if (c.traits.empty() && n != kinds) throw py::value_error("'matrix' must have one row for each object");
+    check_column(c.traits, n, "traits", "object");
+    check_column(c.random, n, "random", "object");
+    check_column(c.dupli_generated, n * 3, "dupli_generated", "object");
+    check_column(c.dupli_uv, n * 2, "dupli_uv", "object");
+    check_column(c.name, kinds, "name", "mesh");
+    check_column(c.material_set, kinds, "material_set", "mesh");
+    check_column(c.attribute_set, kinds, "attribute_set", "mesh");
+    check_column(c.receiver_set, kinds, "receiver_set", "mesh");
+    check_column(c.blocks, kinds * 2, "blocks", "mesh");
+    check_column(c.linking, kinds, "linking", "mesh");
+    check_column(c.visibility, kinds, "visibility", "mesh");
+    check_column(c.pass_index, kinds, "pass_index", "mesh");
+    check_column(c.color, kinds * 4, "color", "mesh");
+    check_column(c.flags, kinds, "flags", "mesh");
+    check_column(c.shading_offset, kinds, "shading_offset", "mesh");
+    check_column(c.geometry_offset, kinds, "geometry_offset", "mesh");
 
     const py::gil_scoped_release released;
+    check_indices(c.traits, kinds, "traits");
     check_indices(c.mesh, scene.meshes.size(), "mesh");
     check_indices(c.name, names.size(), "name");
     check_indices(c.material_set, material_sets.size(), "material_set");
@@ -178,16 +193,21 @@ void set_objects(NativeSession& native, const py::dict& values) {
     check_indices(c.linking, linkings.size(), "linking");
     for (const int32_t set : c.receiver_set)
         if (set < 0 || set >= kReceiverSets) throw Error("Objects: 'receiver_set' must be 0 to 63");
-    std::vector<Object> objects = make_objects(c, n);
+    scene.traits = make_traits(c, kinds);
+    scene.duplis = make_duplis(c, n);
     scene.object_names = std::move(names);
     scene.material_sets = std::move(material_sets);
     scene.object_attribute_sets = std::move(attribute_sets);
     scene.linkings = std::move(linkings);
-    native.object_meshes.assign(c.mesh.begin(), c.mesh.end());
+    scene.motion.of_objects.clear();
+    native.hidden.clear();
+    // Not kept from before: with as many objects again both would be there for a moment.
+    scene.objects = {};
+    scene.objects.resize(n);
     for (size_t i = 0; i < n; ++i) {
-        if (c.mesh[i] != kNone && !place(objects[i], c.mesh[i], &c.matrix[i * 16])) warn_hidden(native, scene, objects[i]);
+        if (!c.random.empty()) scene.objects[i].random = c.random[i];
+        place(native, scene, i, c.traits.empty() ? Handle(i) : c.traits[i], &c.matrix[i * 16], scene.objects[i]);
     }
-    scene.objects = std::move(objects);
     scene.dirty |= kDirtyObjects;
 }
 
@@ -198,10 +218,8 @@ void set_object_matrices(NativeSession& native, const py::object& matrix) {
     if (buffer.dimensions() != 2 || buffer.columns() != 16 || buffer.rows() != n) throw py::value_error("'matrix' must have the shape (objects, 16)");
     const float* data = static_cast<const float*>(buffer.data());
     const py::gil_scoped_release released;
-    for (size_t i = 0; i < n; ++i) {
-        const Handle mesh = native.object_meshes[i];
-        if (mesh != kNone && !place(scene.objects[i], mesh, data + i * 16)) warn_hidden(native, scene, scene.objects[i]);
-    }
+    for (const auto& [i, traits] : std::exchange(native.hidden, {})) scene.objects[i].traits = traits;
+    for (size_t i = 0; i < n; ++i) place(native, scene, i, scene.objects[i].traits, data + i * 16, scene.objects[i]);
     scene.dirty |= kDirtyObjects;
 }
 

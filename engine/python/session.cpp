@@ -150,6 +150,7 @@ py::dict statistics_dict(const NativeSession& native) {
     out["instruction_set"] = s.instruction_set;
     out["triangles"] = s.triangles;
     out["instanced_triangles"] = s.instanced_triangles;
+    out["scene_bytes"] = s.scene_bytes;
     out["bvh_bytes"] = s.bvh_bytes;
     out["texture_bytes"] = s.texture_bytes;
     out["film_bytes"] = s.film_bytes;

@@ -40,10 +40,11 @@ TALBOT_INLINE Affine map_at(const Affine* motion, int steps, float time) {
 struct Placement {
     Affine to_world, to_object;
 };
-TALBOT_INLINE Placement placement_at(const ObjectView& object, float time) {
-    if (object.motion_steps == 0) return {object.to_world, object.to_object};
+TALBOT_INLINE Placement placement_at(const SceneView& scene, int32_t object, float time) {
+    const MotionView motion = motion_of(scene, object);
+    if (motion.steps == 0) return {scene.objects[object].to_world, scene.to_object[object]};
     Placement p;
-    p.to_world = map_at(object.motion, object.motion_steps, time);
+    p.to_world = map_at(motion.maps, motion.steps, time);
     p.to_object = inverse(p.to_world);
     return p;
 }

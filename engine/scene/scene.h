@@ -30,7 +30,7 @@ enum Visibility : uint32_t {
 };
 
 /// Light linking. Every object is in one of 64 receiver sets, and every emitter has a mask of the sets it lights. An emitter whose shadows only some objects
-/// cast has a blocker group g of its own: of the objects with kVisibleShadow its shadow rays see those with bit g in `Object::blocks`.
+/// cast has a blocker group g of its own: of the objects with kVisibleShadow its shadow rays see those with bit g in `ObjectTraits::blocks`.
 struct Linking {
     uint64_t receivers = ~uint64_t(0);  ///< bit s: lights the objects of set s
     int32_t blockers = -1;              ///< group, 0 to 63; -1: all objects
@@ -130,21 +130,17 @@ struct Mesh {
     }
 };
 
-/// One visible thing: a mesh placed in the world. Instances share the mesh; what many objects share is a handle, so that a million instances stay small.
-struct Object {
-    Handle name = kNone;  ///< into Scene::object_names
-    Handle mesh = kNone;
+/// What can be seen, wherever it is placed: all instances of a thing share one. Whatever an object has that is not its place is here, so that a million
+/// instances stay small.
+struct ObjectTraits {
+    Handle name = kNone;           ///< into Scene::object_names
+    Handle mesh = kNone;           ///< kNone: removed
     Handle material_set = kNone;   ///< into Scene::material_sets; missing materials are the default grey
     Handle attribute_set = kNone;  ///< into Scene::object_attribute_sets (custom properties)
-    Handle motion = kNone;         ///< into Motion::objects; kNone: it stands still
     Handle linking = kNone;        ///< into Scene::linkings, of its emission; kNone: it lights everything
-    Affine to_world;               ///< in the middle of the shutter
     uint32_t visibility = kVisibleAll;
-    uint32_t random = 0;  ///< Blender's random_id; Object Info gives random / (2^32 - 1)
     int32_t pass_index = 0;
     float color[4] = {1, 1, 1, 1};  ///< Blender's viewport object colour (Object Info)
-    Vec3 dupli_generated;           ///< instances: generated coordinate and UV of the instancer
-    Vec2 dupli_uv;
     bool is_instance = false;
     bool is_holdout = false;
     bool is_shadow_catcher = false;
@@ -152,6 +148,20 @@ struct Object {
     uint64_t blocks = 0;                             ///< bit g: casts the shadows of emitters with blocker group g; see Linking
     float shadow_terminator_shading_offset = 0;      ///< 0..1: moves the smooth shading's dark side towards the light
     float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
+    bool operator==(const ObjectTraits&) const = default;
+};
+
+/// One visible thing: a mesh placed in the world. Kernels read it as it is (see SceneView).
+struct Object {
+    Affine to_world;        ///< in the middle of the shutter
+    Handle traits = kNone;  ///< into Scene::traits; kNone: removed
+    uint32_t random = 0;    ///< Blender's random_id; Object Info gives random / (2^32 - 1)
+};
+
+/// What an instance knows of its instancer.
+struct Dupli {
+    Vec3 generated;
+    Vec2 uv;
 };
 
 /// Versions whose answers differ are numbers like Blender's: 304, 402, 403, 405, 500, 502.
@@ -248,6 +258,7 @@ struct Camera {
 /// number changes linearly (so that a turn takes a map every few degrees). All empty: nothing moves.
 struct Motion {
     std::vector<std::vector<Affine>> objects;
+    std::vector<Handle> of_objects;   ///< by object: into `objects`, kNone: it stands still; empty: all do
     std::vector<Affine> camera;       ///< its to_world; empty: it stands still
     std::vector<float> camera_views;  ///< its `view`, 4 a moment, as many moments as `camera`; empty: it stays
     std::vector<float> shutter;       ///< moments (0 to 1) at which equal parts of the light have come in, first 0, last 1; empty: evenly
@@ -362,7 +373,9 @@ struct Scene {
     Motion motion;
     World world;
     std::vector<std::shared_ptr<const Mesh>> meshes;  ///< null: removed
-    std::vector<Object> objects;                      ///< mesh == kNone: removed
+    std::vector<Object> objects;
+    std::vector<ObjectTraits> traits;
+    std::vector<Dupli> duplis;  ///< by object; empty: nobody asks
     std::vector<std::string> object_names;
     std::vector<std::vector<Handle>> material_sets;             ///< shader of each material slot
     std::vector<std::vector<Attribute>> object_attribute_sets;  ///< Domain::Object, one element each

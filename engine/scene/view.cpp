@@ -1,6 +1,9 @@
 #include "scene/view.h"
 
 #include <algorithm>
+#include <cstring>
+
+#include "base/pool.h"
 
 namespace talbot::scene {
 namespace {
@@ -90,35 +93,58 @@ bool keeps_angles(const Affine& map) {
            std::abs(dot(y, z)) <= tolerance && std::abs(dot(z, x)) <= tolerance;
 }
 
-/// The normals with lengths that the map of normals makes equal: sums of them then are sums of unit normals beyond the map.
-const Vec3* map_lengths(const std::vector<Vec3>& normals, const Affine& to_object, SceneTables& tables) {
-    if (normals.empty()) return nullptr;
-    std::vector<Vec3>& out = tables.mapped_normals.emplace_back(normals.size());
-    for (size_t i = 0; i < normals.size(); ++i) {
-        const Vec3 mapped = transform_normal(to_object, normals[i]);
-        const float length2 = dot(mapped, mapped);
-        out[i] = length2 > 0 ? normals[i] * (1.0f / std::sqrt(length2)) : normals[i];
-    }
-    return out.data();
+/// job(begin, end) for parts of 0 to n.
+template <class Job>
+void share(size_t n, WorkerPool* pool, Job&& job) {
+    constexpr size_t part = 1 << 14;
+    if (pool && n > part)
+        pool->parallel_for(n, part, [&](size_t begin, size_t end, int) { job(begin, end); });
+    else
+        job(size_t(0), n);
 }
 
-void map_normals(const Scene& scene, SceneTables& tables) {
+/// The normals with lengths that the map of normals makes equal: sums of them then are sums of unit normals beyond the map.
+void map_lengths(const std::vector<Vec3>& normals, const Affine& to_object, WorkerPool* pool, std::vector<Vec3>& out) {
+    out.resize(normals.size());
+    share(normals.size(), pool, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            const Vec3 mapped = transform_normal(to_object, normals[i]);
+            const float length2 = dot(mapped, mapped);
+            out[i] = length2 > 0 ? normals[i] * (1.0f / std::sqrt(length2)) : normals[i];
+        }
+    });
+}
+
+void map_normals(const Scene& scene, SceneTables& tables, WorkerPool* pool) {
+    std::unordered_map<Handle, MappedNormals> before = std::move(tables.mapped_normals);
     tables.mapped_normals.clear();
     if (scene.settings.viewport) return;
     std::vector<int> users(tables.meshes.size(), 0);
-    for (const ObjectView& object : tables.objects)
-        if (object.mesh >= 0 && object.visibility != 0) ++users[size_t(object.mesh)];
-    for (const ObjectView& object : tables.objects) {
-        if (object.mesh < 0 || object.visibility == 0 || users[size_t(object.mesh)] != 1 || object.motion_steps > 0 || keeps_angles(object.to_world)) continue;
-        const Mesh& mesh = *scene.meshes[size_t(object.mesh)];
-        MeshView& view = tables.meshes[size_t(object.mesh)];
+    const SceneView& scene_view = tables.view;
+    for (int32_t i = 0; i < scene_view.object_count; ++i) {
+        const TraitsView& traits = traits_of(scene_view, i);
+        if (traits.mesh >= 0 && traits.visibility != 0) ++users[size_t(traits.mesh)];
+    }
+    for (int32_t i = 0; i < scene_view.object_count; ++i) {
+        const TraitsView& traits = traits_of(scene_view, i);
+        if (traits.mesh < 0 || traits.visibility == 0 || users[size_t(traits.mesh)] != 1) continue;
+        if (motion_of(scene_view, i).steps > 0 || keeps_angles(scene_view.objects[i].to_world)) continue;
+        const Affine& to_object = scene_view.to_object[i];
+        const Mesh& mesh = *scene.meshes[size_t(traits.mesh)];
+        MeshView& view = tables.meshes[size_t(traits.mesh)];
         if (mesh.kind != GeometryKind::Triangles || (!view.corner_normals && !view.vertex_normals)) continue;
+        MappedNormals& mapped = tables.mapped_normals[traits.mesh];
+        if (const auto known = before.find(traits.mesh); known != before.end()) mapped = std::move(known->second);
+        const std::shared_ptr<const Mesh>& source = scene.meshes[size_t(traits.mesh)];
+        if (mapped.source != source || std::memcmp(&mapped.to_object, &to_object, sizeof(Affine)) != 0) {
+            mapped.source = source;
+            mapped.to_object = to_object;
+            map_lengths(view.corner_normals ? mesh.corner_normals : mesh.vertex_normals, to_object, pool, mapped.normals);
+            map_lengths(mesh.motion_normals, to_object, pool, mapped.motion_normals);
+        }
         view.has_mapped_normals = true;
-        if (view.corner_normals)
-            view.corner_normals = map_lengths(mesh.corner_normals, object.to_object, tables);
-        else
-            view.vertex_normals = map_lengths(mesh.vertex_normals, object.to_object, tables);
-        view.motion_normals = map_lengths(mesh.motion_normals, object.to_object, tables);
+        (view.corner_normals ? view.corner_normals : view.vertex_normals) = mapped.normals.data();
+        view.motion_normals = data_or_null(mapped.motion_normals);
     }
 }
 
@@ -129,7 +155,7 @@ bool has_blockers(const Scene& scene) {
            std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.linking.blockers >= 0; });
 }
 
-void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables) {
+void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables, WorkerPool* pool) {
     const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
     tables.keep_alive = scene.meshes;
 
@@ -160,44 +186,45 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         ranges.emplace_back(set.empty() ? 0 : offset, std::max(int32_t(set.size()), 1));
     }
 
-    tables.objects.assign(scene.objects.size(), {});
-    for (size_t i = 0; i < scene.objects.size(); ++i) {
-        const Object& object = scene.objects[i];
-        ObjectView& out = tables.objects[i];
-        const bool exists = object.mesh >= 0 && size_t(object.mesh) < meshes && scene.meshes[size_t(object.mesh)];
-        out.to_world = object.to_world;
-        out.to_object = inverse(object.to_world);
-        out.mesh = exists ? object.mesh : kNone;
-        out.visibility = exists ? object.visibility : 0;
-        const bool has_set = object.material_set >= 0 && size_t(object.material_set) < ranges.size();
-        out.material_offset = has_set ? ranges[size_t(object.material_set)].first : 0;
-        out.material_count = has_set ? ranges[size_t(object.material_set)].second : 1;
-        if (exists && object.motion >= 0 && size_t(object.motion) < scene.motion.objects.size()) {
-            out.motion = scene.motion.objects[size_t(object.motion)].data();
-            out.motion_steps = int32_t(scene.motion.objects[size_t(object.motion)].size());
-            tables.view.has_motion = true;
-        }
-        std::copy(object.color, object.color + 4, out.color);
-        out.pass_index = object.pass_index;
-        out.random = object.random;
-        out.dupli_generated = object.dupli_generated;
-        out.dupli_uv = object.dupli_uv;
-        out.negative_scale = determinant(object.to_world) < 0;
-        out.is_holdout = object.is_holdout;
-        tables.view.has_holdouts |= object.is_holdout;
-        out.is_shadow_catcher = object.is_shadow_catcher;
-        out.is_instance = object.is_instance;
-        out.receiver_set = object.receiver_set;
-        out.blocks = object.blocks;
-        if (object.linking >= 0 && size_t(object.linking) < scene.linkings.size()) out.linking = scene.linkings[size_t(object.linking)];
-        out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(object.shadow_terminator_shading_offset));
-        out.geometry_offset = object.shadow_terminator_geometry_offset;
-        if (object.attribute_set >= 0 && size_t(object.attribute_set) < sets) out.attributes = row(meshes + size_t(object.attribute_set));
+    tables.traits.assign(1 + scene.traits.size(), {});
+    for (size_t i = 0; i < scene.traits.size(); ++i) {
+        const ObjectTraits& traits = scene.traits[i];
+        TraitsView& out = tables.traits[1 + i];
+        const bool exists = traits.mesh >= 0 && size_t(traits.mesh) < meshes && scene.meshes[size_t(traits.mesh)];
+        out.mesh = exists ? traits.mesh : kNone;
+        out.visibility = exists ? traits.visibility : 0;
+        const bool has_set = traits.material_set >= 0 && size_t(traits.material_set) < ranges.size();
+        out.material_offset = has_set ? ranges[size_t(traits.material_set)].first : 0;
+        out.material_count = has_set ? ranges[size_t(traits.material_set)].second : 1;
+        std::copy(traits.color, traits.color + 4, out.color);
+        out.pass_index = traits.pass_index;
+        out.is_holdout = traits.is_holdout;
+        tables.view.has_holdouts |= traits.is_holdout;
+        out.is_shadow_catcher = traits.is_shadow_catcher;
+        out.receiver_set = traits.receiver_set;
+        out.blocks = traits.blocks;
+        if (traits.linking >= 0 && size_t(traits.linking) < scene.linkings.size()) out.linking = scene.linkings[size_t(traits.linking)];
+        out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(traits.shadow_terminator_shading_offset));
+        out.geometry_offset = traits.shadow_terminator_geometry_offset;
+        if (traits.attribute_set >= 0 && size_t(traits.attribute_set) < sets) out.attributes = row(meshes + size_t(traits.attribute_set));
     }
+    tables.view.traits = tables.traits.data() + 1;
 
-    map_normals(scene, tables);
-    tables.view.objects = data_or_null(tables.objects);
-    tables.view.object_count = int32_t(tables.objects.size());
+    tables.to_object.resize(scene.objects.size());
+    share(scene.objects.size(), pool, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) tables.to_object[i] = inverse(scene.objects[i].to_world);
+    });
+    tables.view.objects = data_or_null(scene.objects);
+    tables.view.to_object = data_or_null(tables.to_object);
+    tables.view.object_count = int32_t(scene.objects.size());
+    tables.view.duplis = data_or_null(scene.duplis);
+    tables.motions.clear();
+    for (const std::vector<Affine>& maps : scene.motion.objects) tables.motions.push_back({maps.data(), int32_t(maps.size())});
+    tables.view.motions = data_or_null(tables.motions);
+    tables.view.motion_handles = data_or_null(scene.motion.of_objects);
+    tables.view.has_motion |= std::any_of(scene.motion.of_objects.begin(), scene.motion.of_objects.end(), [](Handle motion) { return motion >= 0; });
+
+    map_normals(scene, tables, pool);
     tables.view.meshes = data_or_null(tables.meshes);
     tables.view.material_slots = tables.material_slots.data();
     tables.view.attribute_count = int32_t(names);

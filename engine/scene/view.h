@@ -4,10 +4,15 @@
 
 #include <cstdint>
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "base/vec.h"
 #include "scene/scene.h"
+
+namespace talbot {
+class WorkerPool;
+}
 
 namespace talbot::scene {
 
@@ -82,32 +87,38 @@ struct MeshView {
     const uint32_t* segment_curves = nullptr;
 };
 
-struct ObjectView {
-    Affine to_world, to_object;
+/// What kernels see of a scene's ObjectTraits.
+struct TraitsView {
     int32_t mesh = -1;
     uint32_t visibility = 0;
     int32_t material_offset = 0;  ///< shader of slot s: SceneView::material_slots[material_offset + min(s, material_count - 1)]
     int32_t material_count = 0;
     float color[4] = {1, 1, 1, 1};
     int32_t pass_index = 0;
-    uint32_t random = 0;
-    Vec3 dupli_generated;
-    Vec2 dupli_uv;
-    bool negative_scale = false;
-    bool is_holdout = false, is_shadow_catcher = false, is_instance = false;
+    bool is_holdout = false, is_shadow_catcher = false;
     float terminator_frequency = 1;  ///< 1 / (1 - half the shading offset)
     float geometry_offset = 0.1f;
     int32_t receiver_set = 0;
     uint64_t blocks = 0;
     Linking linking;                            ///< of its emission
-    int32_t motion_steps = 0;                   ///< 0: it stands still
-    const Affine* motion = nullptr;             ///< to_world of each step
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
 };
 
+/// to_world of each step of a moving object.
+struct MotionView {
+    const Affine* maps = nullptr;
+    int32_t steps = 0;  ///< 0: it stands still
+};
+
+/// Objects are many, so what kernels ask of them lies in columns: their places, the inverse maps, and few traits that many share.
 struct SceneView {
-    const ObjectView* objects = nullptr;
+    const Object* objects = nullptr;
+    const Affine* to_object = nullptr;  ///< by object
     int32_t object_count = 0;
+    const TraitsView* traits = nullptr;  ///< traits[kNone] are those of removed objects: no mesh, not visible
+    const MotionView* motions = nullptr;
+    const Handle* motion_handles = nullptr;  ///< by object, into `motions`; null: all stand still
+    const Dupli* duplis = nullptr;           ///< by object; null: all 0
     const MeshView* meshes = nullptr;
     const int32_t* material_slots = nullptr;  ///< shader handle; a missing material is the default shader (see SceneTables::default_shader)
     int32_t attribute_count = 0;
@@ -120,17 +131,38 @@ struct SceneView {
     const Camera* camera = nullptr;
 };
 
+inline namespace TALBOT_ISA {
+
+TALBOT_INLINE const TraitsView& traits_of(const SceneView& scene, int32_t object) {
+    return scene.traits[scene.objects[object].traits];
+}
+TALBOT_INLINE MotionView motion_of(const SceneView& scene, int32_t object) {
+    const Handle motion = scene.motion_handles ? scene.motion_handles[object] : kNone;
+    return motion >= 0 ? scene.motions[motion] : MotionView{};
+}
+
+}  // namespace TALBOT_ISA
+
+/// Normals instead of a mesh's own; made anew where the mesh or the map changed.
+struct MappedNormals {
+    std::shared_ptr<const Mesh> source;
+    Affine to_object;
+    std::vector<Vec3> normals, motion_normals;  ///< the former of corners, where it has them, or of vertices
+};
+
 /// Owns what a SceneView points into, besides the scene's own vectors.
 struct SceneTables {
     SceneView view;
-    std::vector<ObjectView> objects;
+    std::vector<TraitsView> traits;  ///< one before the scene's own: what removed objects have
+    std::vector<Affine> to_object;
+    std::vector<MotionView> motions;
     std::vector<MeshView> meshes;
     std::vector<AttributeView> attributes;
     std::vector<int32_t> material_slots;
-    std::vector<std::vector<Vec3>> mapped_normals;        ///< instead of the meshes' own
-    std::vector<std::string> attribute_names;             ///< index = AttributeId; the compiler adds the names that shaders ask for
-    std::vector<std::shared_ptr<const Mesh>> keep_alive;  ///< by mesh handle, like `meshes`; null where the mesh was removed
-    AttributeId attribute_id(const std::string& name);    ///< interns
+    std::unordered_map<Handle, MappedNormals> mapped_normals;  ///< by mesh
+    std::vector<std::string> attribute_names;                  ///< index = AttributeId; the compiler adds the names that shaders ask for
+    std::vector<std::shared_ptr<const Mesh>> keep_alive;       ///< by mesh handle, like `meshes`; null where the mesh was removed
+    AttributeId attribute_id(const std::string& name);         ///< interns
 };
 
 /// What kernels see of a mesh. `attributes`: a row of tables.attribute_names.size() entries, which this fills and the view points to.
@@ -142,7 +174,7 @@ bool has_blockers(const Scene& scene);
 /// `default_shader`: handle of the shader that stands for missing materials.
 /// In final renders a mesh with one user that stands still has its normals interpolated after the map of the object, all others before, as in Cycles, which
 /// takes such meshes to world space first.
-/// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay.
-void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables);
+/// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay. `pool` shares the work; null: nobody does.
+void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables, WorkerPool* pool = nullptr);
 
 }  // namespace talbot::scene

@@ -143,16 +143,20 @@ void check_scene(const Scene& scene) {
         for (const Attribute& attribute : set)
             demand(attribute.components >= 1 && attribute.components <= 4 && attribute.data.size() >= attribute.components, "too few values",
                    "attribute '" + attribute.name + "'");
-    for (const Object& object : scene.objects) {
+    for (const ObjectTraits& object : scene.traits) {
         check_handle(object.name, scene.object_names.size(), "name", "an object");
         const std::string where = object.name == kNone ? "an object" : "Object '" + scene.object_names[size_t(object.name)] + "'";
         check_handle(object.mesh, scene.meshes.size(), "mesh", where);
         check_handle(object.linking, scene.linkings.size(), "light linking", where);
         demand(object.receiver_set < kReceiverSets, "a receiver set that does not exist", where);
-        check_handle(object.motion, scene.motion.objects.size(), "motion", where);
         check_handle(object.material_set, scene.material_sets.size(), "material set", where);
         check_handle(object.attribute_set, scene.object_attribute_sets.size(), "set of attributes", where);
     }
+    for (const Object& object : scene.objects) check_handle(object.traits, scene.traits.size(), "object's traits", "an object");
+    demand(scene.duplis.empty() || scene.duplis.size() == scene.objects.size(), "the wrong number of instancers", "the objects");
+    const std::vector<Handle>& moving = scene.motion.of_objects;
+    demand(moving.empty() || moving.size() == scene.objects.size(), "the wrong number of moving objects", "the motion");
+    for (Handle motion : moving) check_handle(motion, scene.motion.objects.size(), "motion", "an object");
     for (const Linking& linking : scene.linkings) check_linking(linking, "an object");
     for (const Light& light : scene.lights) {
         check_handle(light.shader, scene.shaders.size(), "node tree", "Light '" + light.name + "'");

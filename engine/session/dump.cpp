@@ -1,6 +1,7 @@
 // A whole scene in one file: a magic word, a version, then every field in the order of the `fields` functions below,
 // little-endian, no padding. To add a field to a struct of the scene, raise kVersion and append `a.since(VERSION, s.field)` to its line: older files
 // then leave its default. Image files are read in, so that a dump needs nothing but itself (tiled ones keep their path).
+#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstring>
@@ -20,7 +21,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 9;
+constexpr uint32_t kVersion = 10;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -104,21 +105,54 @@ void fields(A& a, Is<Mesh> auto& s) {
     a.since(7, s.subdivision);
 }
 template <class A>
+void fields(A& a, Is<ObjectTraits> auto& s) {
+    a(s.name, s.mesh, s.material_set, s.attribute_set, s.linking, s.visibility, s.pass_index, s.color, s.is_instance, s.is_holdout, s.is_shadow_catcher,
+      s.receiver_set, s.blocks, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
+}
+template <class A>
 void fields(A& a, Is<Object> auto& s) {
-    a(s.name, s.mesh, s.material_set, s.attribute_set, s.to_world, s.visibility, s.random, s.pass_index, s.color, s.dupli_generated, s.dupli_uv, s.is_instance,
-      s.is_holdout, s.is_shadow_catcher, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
+    a(s.to_world, s.traits, s.random);
+}
+template <class A>
+void fields(A& a, Is<Dupli> auto& s) {
+    a(s.generated, s.uv);
+}
+
+/// Before version 10 each object was a record of its own.
+struct WholeObject {
+    ObjectTraits traits;
+    Object place;
+    Dupli dupli;
+    Handle motion = kNone;
+};
+template <class A>
+void fields(A& a, Is<WholeObject> auto& s) {
+    ObjectTraits& t = s.traits;
+    a(t.name, t.mesh, t.material_set, t.attribute_set, s.place.to_world, t.visibility, s.place.random, t.pass_index, t.color, s.dupli.generated, s.dupli.uv,
+      t.is_instance, t.is_holdout, t.is_shadow_catcher, t.shadow_terminator_shading_offset, t.shadow_terminator_geometry_offset);
     a.since(3, s.motion);
-    a.since(5, s.linking);
-    a.since(5, s.receiver_set);
-    a.since(8, s.blocks);
-    if constexpr (A::kReads) {
-        // Blocker groups were bits of the visibility.
-        if (a.version() < 8) {
-            s.blocks = s.visibility >> 8 & 0x1ffff;
-            s.visibility &= kVisibleAll;
-        }
+    a.since(5, t.linking);
+    a.since(5, t.receiver_set);
+    a.since(8, t.blocks);
+    // Blocker groups were bits of the visibility.
+    if (a.version() < 8) {
+        t.blocks = t.visibility >> 8 & 0x1ffff;
+        t.visibility &= kVisibleAll;
     }
 }
+template <class A>
+void take_whole_objects(A& a, Scene& scene, std::vector<Handle>& moving) {
+    std::vector<WholeObject> objects;
+    a(objects);
+    for (WholeObject& object : objects) {
+        if (scene.traits.empty() || !(scene.traits.back() == object.traits)) scene.traits.push_back(object.traits);
+        object.place.traits = Handle(scene.traits.size()) - 1;
+        scene.objects.push_back(object.place);
+        scene.duplis.push_back(object.dupli);
+        moving.push_back(object.motion);
+    }
+}
+
 template <class A>
 void fields(A& a, Is<Linking> auto& s) {
     a(s.receivers, s.blockers);
@@ -186,12 +220,24 @@ void fields(A& a, Is<Aov> auto& s) {
 template <class A>
 void fields(A& a, Is<Motion> auto& s) {
     a(s.objects, s.camera, s.camera_views, s.shutter, s.rolling, s.rolling_duration);
+    a.since(10, s.of_objects);
 }
 /// All but the dirty bits: a scene that was read is all new.
 template <class A>
 void fields(A& a, Is<Scene> auto& s) {
-    a(s.settings, s.camera, s.world, s.meshes, s.objects, s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
+    a(s.settings, s.camera, s.world, s.meshes);
+    a.since(10, s.objects);
+    a.since(10, s.traits);
+    a.since(10, s.duplis);
+    [[maybe_unused]] std::vector<Handle> moving;
+    if constexpr (A::kReads) {
+        if (a.version() < 10) take_whole_objects(a, s, moving);
+    }
+    a(s.object_names, s.material_sets, s.object_attribute_sets, s.lights, s.shaders, s.images, s.passes);
     a.since(3, s.motion);
+    if constexpr (A::kReads) {
+        if (std::any_of(moving.begin(), moving.end(), [](Handle motion) { return motion != kNone; })) s.motion.of_objects = std::move(moving);
+    }
     a.since(5, s.linkings);
     a.since(6, s.aovs);
     a.since(7, s.dicing_camera);

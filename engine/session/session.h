@@ -30,7 +30,7 @@ struct Statistics {
     double update_seconds = 0, compile_seconds = 0, textures_seconds = 0, bvh_seconds = 0, lights_seconds = 0, render_seconds = 0;
     uint64_t camera_rays = 0, bounce_rays = 0, shadow_rays = 0, paths = 0;
     std::string instruction_set;
-    size_t triangles = 0, instanced_triangles = 0, bvh_bytes = 0, texture_bytes = 0, film_bytes = 0;
+    size_t triangles = 0, instanced_triangles = 0, scene_bytes = 0, bvh_bytes = 0, texture_bytes = 0, film_bytes = 0;
 };
 
 class Session {

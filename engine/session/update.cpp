@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "base/cpu.h"
+#include "scene/memory.h"
 #include "session/state.h"
 
 namespace talbot {
@@ -34,15 +35,15 @@ bool reads_camera(const shader::CompiledShader& shader) {
 /// Objects that may let shadow rays through answer to another mask bit than opaque ones: most shadow rays never meet them.
 void mark_transparent_casters(RenderData& data) {
     data.has_transparent_shadows = false;
-    for (scene::ObjectView& object : data.tables.objects) {
-        if (object.mesh < 0 || !(object.visibility & scene::kVisibleShadow)) continue;
+    for (scene::TraitsView& traits : data.tables.traits) {
+        if (traits.mesh < 0 || !(traits.visibility & scene::kVisibleShadow)) continue;
         bool transparent = false;
-        for (int slot = 0; slot < object.material_count; ++slot) {
-            const int32_t shader = data.tables.material_slots[size_t(object.material_offset + slot)];
+        for (int slot = 0; slot < traits.material_count; ++slot) {
+            const int32_t shader = data.tables.material_slots[size_t(traits.material_offset + slot)];
             transparent = transparent || !is_opaque(data.programs.shaders[size_t(shader)]);
         }
         if (!transparent) continue;
-        object.visibility = (object.visibility & ~uint32_t(scene::kVisibleShadow)) | scene::kVisibleTransparentShadow;
+        traits.visibility = (traits.visibility & ~uint32_t(scene::kVisibleShadow)) | scene::kVisibleTransparentShadow;
         data.has_transparent_shadows = true;
     }
 }
@@ -71,8 +72,8 @@ void make_workers(Session::State& s) {
 }
 
 bool has_catchers(const scene::Scene& scene) {
-    return std::any_of(scene.objects.begin(), scene.objects.end(),
-                       [](const scene::Object& object) { return object.is_shadow_catcher && object.mesh != scene::kNone; });
+    return std::any_of(scene.traits.begin(), scene.traits.end(),
+                       [](const scene::ObjectTraits& traits) { return traits.is_shadow_catcher && traits.mesh != scene::kNone; });
 }
 
 struct FilmPlan {
@@ -148,13 +149,14 @@ void update_render_data(Session::State& s) {
             order_shaders(data);
         });
     }
+    make_workers(s);
     if (dirty & scene::kDirtyPasses) data.tables.attribute_id(scene::kActiveUv);
     if (dirty & scene::kDirtyCamera) objects |= std::any_of(data.programs.shaders.begin(), data.programs.shaders.end(), reads_camera);
     if (shaders || objects || (dirty & scene::kDirtyPasses)) {
         timed("Updating objects", &Statistics::update_seconds, [&] {
-            scene::make_scene_view(scene, data.programs.default_shader, data.tables);
+            scene::make_scene_view(scene, data.programs.default_shader, data.tables, data.pool.get());
             mark_transparent_casters(data);
-            for (scene::ObjectView& object : data.tables.objects) object.visibility = scene::with_catcher_bits(object.visibility, object.is_shadow_catcher);
+            for (scene::TraitsView& traits : data.tables.traits) traits.visibility = scene::with_catcher_bits(traits.visibility, traits.is_shadow_catcher);
             data.has_catchers = has_catchers(scene);
         });
     }
@@ -168,7 +170,6 @@ void update_render_data(Session::State& s) {
     }
     data.shading.film_width = float(scene.settings.width);
     data.shading.film_height = float(scene.settings.height);
-    make_workers(s);
     if (shaders || objects || (dirty & scene::kDirtyPasses)) {
         timed("Subdividing", &Statistics::update_seconds,
               [&] { geometry::dice_meshes(data.tables, scene, geometry::dicing_budget(), *data.pool, data.diced, s.report, &s.cancel); });
@@ -178,7 +179,7 @@ void update_render_data(Session::State& s) {
         });
     }
     if (shaders || objects) {
-        const size_t estimate = geometry::estimate_bytes(data.tables);
+        const size_t estimate = scene::memory_of(scene, data.tables) + geometry::estimate_bytes(data.tables);
         {
             std::lock_guard lock(s.mutex);
             s.progress.memory = estimate + data.textures.bytes();
@@ -214,14 +215,17 @@ void update_render_data(Session::State& s) {
     std::lock_guard lock(s.mutex);
     Statistics& stats = s.statistics;
     stats.update_seconds = seconds_since(begin);
-    for (const scene::ObjectView& object : data.tables.objects)
-        if (object.mesh >= 0) stats.instanced_triangles += data.tables.meshes[size_t(object.mesh)].triangle_count;
+    for (int32_t i = 0; i < data.tables.view.object_count; ++i) {
+        const int32_t mesh = scene::traits_of(data.tables.view, i).mesh;
+        if (mesh >= 0) stats.instanced_triangles += data.tables.meshes[size_t(mesh)].triangle_count;
+    }
     for (const auto& mesh : scene.meshes)
         if (mesh) stats.triangles += mesh->triangle_count();
+    stats.scene_bytes = scene::memory_of(scene, data.tables) + data.accelerator.own_bytes();
     stats.bvh_bytes = data.accelerator.bytes();
     stats.texture_bytes = data.textures.bytes();
     stats.film_bytes = s.film->bytes();
-    s.progress.memory = stats.bvh_bytes + stats.texture_bytes + stats.film_bytes;
+    s.progress.memory = stats.scene_bytes + stats.bvh_bytes + stats.texture_bytes + stats.film_bytes;
     s.progress.memory_peak = std::max(s.progress.memory_peak, s.progress.memory);
 }
 

@@ -198,6 +198,53 @@ def test_objects_are_checked(session: Any) -> None:
         session.set_object_matrices(np.zeros((2, 16), np.float32))
 
 
+def many(mesh: int, count: int, traits: Any = None) -> dict[str, Any]:
+    """Instances of a mesh in a row."""
+    matrix = np.tile(np.eye(4, dtype=np.float32).reshape(1, 16), (count, 1))
+    matrix[:, 12] = np.arange(count)
+    traits = np.zeros(count, np.int32) if traits is None else np.asarray(traits, np.int32)
+    return placed(mesh) | {"matrix": matrix, "traits": traits}
+
+
+def test_instances_share_traits(session: Any) -> None:
+    mesh = session.add_mesh("A", quad())
+    with pytest.raises(ValueError, match="matrix"):
+        session.set_objects({name: values for name, values in many(mesh, 3).items() if name != "traits"})
+    with pytest.raises(ValueError, match="traits"):
+        session.set_objects(many(mesh, 3) | {"traits": np.zeros(2, np.int32)})
+    with pytest.raises(native.module().Error, match="traits"):
+        session.set_objects(many(mesh, 3, [0, 1, 0]))
+    with pytest.raises(ValueError, match="random"):
+        session.set_objects(many(mesh, 3) | {"random": np.zeros(1, np.uint32)})
+    with pytest.raises(ValueError, match="visibility"):
+        session.set_objects(many(mesh, 3) | {"visibility": np.zeros(3, np.uint32)})
+    session.set_objects(many(mesh, 3, [0, -1, 0]))
+    session.set_settings({"width": 4, "height": 4, "samples": 1})
+    session.start()
+    assert session.wait(10_000)
+    assert session.statistics()["instanced_triangles"] == 4, "the second is removed"
+
+
+def test_instances_that_cannot_be_seen_come_back(session: Any) -> None:
+    session.set_settings({"width": 4, "height": 4, "samples": 1})
+    mesh = session.add_mesh("A", quad())
+    arrays = many(mesh, 3)
+    arrays["matrix"][1] = np.nan
+    session.set_objects(arrays)
+
+    def shown() -> int:
+        session.start()
+        assert session.wait(10_000)
+        return session.statistics()["instanced_triangles"]
+
+    assert len(warnings(session)) == 1
+    assert shown() == 4
+    session.set_object_matrices(many(mesh, 3)["matrix"])
+    assert shown() == 6
+    session.remove_mesh(mesh)
+    assert shown() == 0
+
+
 @pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.full((4, 4), np.nan), np.diag([1.0, 0.0, 0.0, 1.0])])
 def test_scales_that_leave_nothing(session: Any, matrix: Any) -> None:
     mesh = session.add_mesh("A", quad())

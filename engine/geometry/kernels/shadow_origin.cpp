@@ -9,8 +9,7 @@ namespace {
 
 /// From the triangle to the curved surface over it, on the side of `side`; zero where the triangle is flat.
 Vec3 smooth_offset(const scene::SceneView& scene, const shader::ShadingSpan& span, int i, Vec3 side) {
-    const scene::ObjectView& object = scene.objects[span.object[i]];
-    const scene::MeshView& mesh = scene.meshes[object.mesh];
+    const scene::MeshView& mesh = scene.meshes[scene::traits_of(scene, span.object[i]).mesh];
     if (mesh.kind != scene::GeometryKind::Triangles) return {};
     const size_t triangle = size_t(span.primitive[i]);
     const bool by_corner = mesh.corner_normals && mesh.triangle_corners;
@@ -21,7 +20,7 @@ Vec3 smooth_offset(const scene::SceneView& scene, const shader::ShadingSpan& spa
     const uint32_t* corners = by_corner ? mesh.triangle_corners + 3 * triangle : vertices;
     const Vec3* normals = by_corner ? mesh.corner_normals : mesh.vertex_normals;
     const float time = span.time ? span.time[i] : 0.5f;
-    const scene::Placement placed = scene::placement_at(object, time);
+    const scene::Placement placed = scene::placement_at(scene, span.object[i], time);
     const float weight[3] = {1.0f - span.u[i] - span.v[i], span.u[i], span.v[i]};
     Vec3 p, n, vertex[3], normal[3];
     for (int k = 0; k < 3; ++k) {
@@ -54,7 +53,7 @@ void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& sp
     const int n = span.n;
     offset_origin(span.p, span.n_g, direction, error, n, origin);
     float cutoff[kSpan], amount[kSpan];
-    for (int i = 0; i < n; ++i) cutoff[i] = scene.objects[span.object[i]].geometry_offset;
+    for (int i = 0; i < n; ++i) cutoff[i] = scene::traits_of(scene, span.object[i]).geometry_offset;
     ConstColumn sx = span.n_s.x, sy = span.n_s.y, sz = span.n_s.z, gx = span.n_g.x, gy = span.n_g.y, gz = span.n_g.z;
     ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
     TALBOT_VECTOR_LOOP

@@ -166,20 +166,19 @@ TALBOT_INLINE float mirror_sign(const Affine& a) {
 }
 
 TALBOT_INLINE void shade_mixed(const scene::SceneView& scene, const Corners& c, int n, const ShadeColumns& out) {
-    static_assert(sizeof(scene::ObjectView) % sizeof(float) == 0);
-    constexpr int32_t stride = int32_t(sizeof(scene::ObjectView) / sizeof(float));
+    static_assert(sizeof(scene::Object) % sizeof(float) == 0);
+    constexpr int32_t stride = int32_t(sizeof(scene::Object) / sizeof(float)), inverse_stride = int32_t(sizeof(Affine) / sizeof(float));
     const float* __restrict to_world = &scene.objects->to_world.m[0][0];
-    const float* __restrict to_object = &scene.objects->to_object.m[0][0];
+    const float* __restrict to_object = &scene.to_object->m[0][0];
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) {
-        const int32_t offset = c.object[k] * stride;
-        const Affine m = load_affine(to_world, offset);
-        shade_lane(c, k, m, load_affine(to_object, offset), mirror_sign(m), out);
+        const Affine m = load_affine(to_world, c.object[k] * stride);
+        shade_lane(c, k, m, load_affine(to_object, c.object[k] * inverse_stride), mirror_sign(m), out);
     }
 }
 
-TALBOT_INLINE void shade_uniform(const scene::ObjectView& object, const Corners& c, int n, const ShadeColumns& out) {
-    const Affine to_world = object.to_world, to_object = object.to_object;
+TALBOT_INLINE void shade_uniform(const scene::SceneView& scene, const Corners& c, int n, const ShadeColumns& out) {
+    const Affine to_world = scene.objects[c.object[0]].to_world, to_object = scene.to_object[c.object[0]];
     const float sign = mirror_sign(to_world);
     TALBOT_VECTOR_LOOP
     for (int k = 0; k < n; ++k) shade_lane(c, k, to_world, to_object, sign, out);
@@ -211,27 +210,24 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstCo
                                    out.wo.x + first,  out.wo.y + first,  out.wo.z + first,  out.backfacing + first};
         // Vertices lane by lane: what costs is the memory, not the loop. The arithmetic goes over the whole block.
         if (uniform) {
-            const scene::ObjectView& object = scene.objects[c.object[0]];
-            const scene::MeshView mesh = scene.meshes[object.mesh];
+            const scene::MeshView mesh = scene.meshes[scene::traits_of(scene, c.object[0]).mesh];
             for (int k = 0; k < count; ++k) fetch_lane(mesh, k, time_of(first + k), c);
-            shade_uniform(object, c, count, columns);
+            shade_uniform(scene, c, count, columns);
         } else {
-            for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene.objects[c.object[k]].mesh], k, time_of(first + k), c);
+            for (int k = 0; k < count; ++k) fetch_lane(scene.meshes[scene::traits_of(scene, c.object[k]).mesh], k, time_of(first + k), c);
             shade_mixed(scene, c, count, columns);
         }
         // Objects that move: once more, where they are now.
         for (int k = 0; scene.has_motion && k < count; ++k) {
-            const scene::ObjectView& object = scene.objects[c.object[k]];
-            if (object.motion_steps == 0) continue;
-            const scene::Placement placed = scene::placement_at(object, time_of(first + k));
+            if (scene::motion_of(scene, c.object[k]).steps == 0) continue;
+            const scene::Placement placed = scene::placement_at(scene, c.object[k], time_of(first + k));
             shade_lane(c, k, placed.to_world, placed.to_object, mirror_sign(placed.to_world), columns);
         }
         if (!scene.has_strands) continue;
         for (int k = 0; k < count; ++k) {
-            const scene::ObjectView& object = scene.objects[c.object[k]];
-            const scene::MeshView& mesh = scene.meshes[object.mesh];
+            const scene::MeshView& mesh = scene.meshes[scene::traits_of(scene, c.object[k]).mesh];
             if (mesh.kind == scene::GeometryKind::Triangles) continue;
-            const scene::Placement placed = scene::placement_at(object, time_of(first + k));
+            const scene::Placement placed = scene::placement_at(scene, c.object[k], time_of(first + k));
             const int32_t lane = index[first + k];
             const auto from = [&] { return load(origin, lane) - load(out.wo, first + k) * hits.t[lane]; };
             if (mesh.kind == scene::GeometryKind::Curves) shade_curve(placed, mesh, first + k, from, out, error);
@@ -243,11 +239,11 @@ void shade_points(const scene::SceneView& scene, const HitColumns& hits, ConstCo
 void hit_shaders(const scene::SceneView& scene, const HitColumns& hits, const int32_t* index, int n, int32_t* shader) {
     for (int i = 0; i < n; ++i) {
         const int32_t lane = index[i];
-        const scene::ObjectView& object = scene.objects[hits.object[lane]];
-        const uint16_t* materials = scene.meshes[object.mesh].triangle_materials;
+        const scene::TraitsView& traits = scene::traits_of(scene, hits.object[lane]);
+        const uint16_t* materials = scene.meshes[traits.mesh].triangle_materials;
         const int32_t slot = materials ? int32_t(materials[hits.primitive[lane]]) : 0;
-        const int32_t last = object.material_count - 1;
-        shader[i] = scene.material_slots[object.material_offset + (slot < last ? slot : last)];
+        const int32_t last = traits.material_count - 1;
+        shader[i] = scene.material_slots[traits.material_offset + (slot < last ? slot : last)];
     }
 }
 

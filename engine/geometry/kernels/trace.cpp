@@ -21,19 +21,19 @@ static_assert(sizeof(RTCRayHitNt<8>) == sizeof(RTCRayHit8) && sizeof(RTCRayHitNt
 template <class EmbreeContext>
 struct Context {
     EmbreeContext embree;
-    const scene::ObjectView* objects;
+    const scene::SceneView* scene;
 };
 
 /// Refuses hits of objects that do not block for the ray's emitter.
 template <class EmbreeContext>
 void keep_blockers(const RTCFilterFunctionNArguments* args) {
-    const scene::ObjectView* objects = reinterpret_cast<const Context<EmbreeContext>*>(args->context)->objects;
+    const scene::SceneView& scene = *reinterpret_cast<const Context<EmbreeContext>*>(args->context)->scene;
     for (unsigned k = 0; k < args->N; ++k) {
         if (args->valid[k] == 0) continue;
         const int32_t group = scene::blocker_group(RTCRayN_mask(args->ray, args->N, k));
         const unsigned instance = RTCHitN_instID(args->hit, args->N, k, 0);
         const unsigned object = instance != RTC_INVALID_GEOMETRY_ID ? instance : RTCHitN_geomID(args->hit, args->N, k);
-        if (group >= 0 && !(objects[object].blocks >> group & 1)) args->valid[k] = 0;
+        if (group >= 0 && !(scene::traits_of(scene, int32_t(object)).blocks >> group & 1)) args->valid[k] = 0;
     }
 }
 
@@ -46,10 +46,10 @@ struct Query {
 };
 TALBOT_INLINE void prepare(Query& query, const TraceOptions& options) {
     rtcInitRayQueryContext(&query.context.embree);
-    query.context.objects = options.objects;
+    query.context.scene = options.blockers;
     const int coherent = options.coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
-    const auto flags = RTCRayQueryFlags(options.objects ? coherent | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER : coherent);
-    const RTCFilterFunctionN filter = options.objects ? keep_blockers<RTCRayQueryContext> : nullptr;
+    const auto flags = RTCRayQueryFlags(options.blockers ? coherent | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER : coherent);
+    const RTCFilterFunctionN filter = options.blockers ? keep_blockers<RTCRayQueryContext> : nullptr;
     rtcInitIntersectArguments(&query.intersect);
     query.intersect.flags = flags;
     query.intersect.filter = filter;
@@ -83,9 +83,9 @@ struct Query {
 };
 TALBOT_INLINE void prepare(Query& query, const TraceOptions& options) {
     rtcInitIntersectContext(&query.context.embree);
-    query.context.objects = options.objects;
+    query.context.scene = options.blockers;
     query.context.embree.flags = options.coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-    query.context.embree.filter = options.objects ? keep_blockers<RTCIntersectContext> : nullptr;
+    query.context.embree.filter = options.blockers ? keep_blockers<RTCIntersectContext> : nullptr;
 }
 TALBOT_INLINE void call_intersect(RTCScene scene, Query& query, const int*, Packet<1>& p) {
     rtcIntersect1(scene, &query.context.embree, reinterpret_cast<RTCRayHit*>(&p));

@@ -17,7 +17,7 @@ int meet_catchers(const RenderContext& context, Worker& worker, int n, film::Til
             const int32_t lane = worker.hits[k], shader = worker.shader[k];
             int32_t& flags = paths.flags[lane];
             const bool first = (flags & kPathSeesBackground) && !(flags & (kPathCatcherHit | kPathTerminate));
-            if (first && context.scene->objects[paths.hit.object[lane]].is_shadow_catcher) {
+            if (first && scene::traits_of(*context.scene, paths.hit.object[lane]).is_shadow_catcher) {
                 flags |= kPathCatcherHit | (worker.catcher_pass ? kPathCatcherPass : 0);
                 s.list[count++] = lane;
             }

@@ -123,7 +123,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     query.bounce = s.span.depth;
     query.time = s.span.time;
     if (context.emitter_summary.has_links) {
-        for (int i = 0; i < n; ++i) s.receiver[i] = context.scene->objects[s.span.object[i]].receiver_set;
+        for (int i = 0; i < n; ++i) s.receiver[i] = scene::traits_of(*context.scene, s.span.object[i]).receiver_set;
         query.receiver = s.receiver;
     }
     query.n = n;

@@ -207,7 +207,8 @@ void keep_shares(PathColumns& paths, const SpanScratch& s, const shader::Program
 void keep_receivers(const RenderContext& context, SpanScratch& s, int count) {
     for (int k = 0; k < count; ++k) {
         const int i = s.list[k];
-        if (!(s.sampled_flags[i] & kSampledTransparent)) s.path_flags[i] |= context.scene->objects[s.span.object[i]].receiver_set << kPathReceiverShift;
+        if (!(s.sampled_flags[i] & kSampledTransparent))
+            s.path_flags[i] |= scene::traits_of(*context.scene, s.span.object[i]).receiver_set << kPathReceiverShift;
     }
 }
 

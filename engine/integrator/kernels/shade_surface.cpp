@@ -51,7 +51,7 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
     span.uniform_constants = uniform;
     s.shifts_terminator = false;
     for (int i = 0; i < n; ++i) {
-        s.terminator_frequency[i] = context.scene->objects[paths.hit.object[lanes[i]]].terminator_frequency;
+        s.terminator_frequency[i] = scene::traits_of(*context.scene, paths.hit.object[lanes[i]]).terminator_frequency;
         s.shifts_terminator = s.shifts_terminator || s.terminator_frequency[i] != 1.0f;
     }
 }
@@ -73,7 +73,7 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
         if (!dark && !(s.path_flags[i] & kPathDelta)) s.list[weighted++] = i;
         s.tmp[i] = 1.0f;
         // Emitters that do not light what sent the ray are dark for it.
-        if (links && s.receiver[i] >= 0 && !((context.scene->objects[span.object[i]].linking.receivers >> s.receiver[i]) & 1)) s.tmp[i] = 0.0f;
+        if (links && s.receiver[i] >= 0 && !((scene::traits_of(*context.scene, span.object[i]).linking.receivers >> s.receiver[i]) & 1)) s.tmp[i] = 0.0f;
     }
     if (weighted > 0) {
         for (int k = 0; k < weighted; ++k) {
@@ -126,7 +126,7 @@ void add_holdout(const RenderContext& context, Worker& worker, const shader::Pro
     }
     for (int i = 0; i < span.n; ++i) {
         if (!(s.path_flags[i] & kPathSeesBackground)) continue;
-        const bool object = context.scene->objects[span.object[i]].is_holdout;
+        const bool object = scene::traits_of(*context.scene, span.object[i]).is_holdout;
         const float absorbed = object ? 1.0f : s.tmp[i];
         if (object) {
             for (const ClosureSlot& slot : program.slots) {

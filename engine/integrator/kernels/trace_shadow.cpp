@@ -9,7 +9,7 @@ namespace {
 
 geometry::TraceOptions trace_options(const RenderContext& context) {
     geometry::TraceOptions options = context.shadow_trace;
-    options.objects = context.scene->has_blockers ? context.scene->objects : nullptr;
+    options.blockers = context.scene->has_blockers ? context.scene : nullptr;
     return options;
 }
 

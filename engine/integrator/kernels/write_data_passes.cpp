@@ -130,7 +130,7 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     if (layout.has(PassKind::Vector3Uv)) {
         // The active UV map at the hit, interpolated from the corners.
         vector(PassKind::Vector3Uv, [&](int i) {
-            const scene::MeshView& mesh = context.scene->meshes[context.scene->objects[span.object[i]].mesh];
+            const scene::MeshView& mesh = context.scene->meshes[scene::traits_of(*context.scene, span.object[i]).mesh];
             if (context.uv_attribute < 0 || !mesh.attributes) return Vec3{};
             const scene::AttributeView& uv = mesh.attributes[context.uv_attribute];
             if (uv.data && uv.domain == scene::Domain::Face && mesh.kind == scene::GeometryKind::Curves && uv.components >= 2) {
@@ -155,7 +155,7 @@ void write_data_passes(const RenderContext& context, Worker& worker, const shade
     keep([&](int i) { return span.sample[i] == first_sample; });
     weigh([](int) { return 1.0f; });
     scalar(PassKind::Depth, [&](int i) { return planar ? dot(load(span.p, i) - eye, axis) : distance(i); });
-    scalar(PassKind::ObjectIndex, [&](int i) { return float(context.scene->objects[span.object[i]].pass_index); });
+    scalar(PassKind::ObjectIndex, [&](int i) { return float(scene::traits_of(*context.scene, span.object[i]).pass_index); });
     vector(PassKind::Position, [&](int i) { return load(span.p, i); });
     if (layout.has(PassKind::MaterialIndex)) {
         for (int k = 0; k < n; ++k) s.list2[k] = s.lane[s.list[k]];

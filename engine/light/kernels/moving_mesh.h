@@ -12,15 +12,15 @@ struct WorldTriangle {
 };
 
 TALBOT_INLINE Affine map_of(const MeshEmitter& mesh, const scene::SceneView& scene, float time) {
-    const scene::ObjectView& object = scene.objects[mesh.object];
-    return mesh.moves && object.motion_steps > 0 ? scene::map_at(object.motion, object.motion_steps, time) : mesh.to_world;
+    const scene::MotionView motion = mesh.moves ? scene::motion_of(scene, mesh.object) : scene::MotionView{};
+    return motion.steps > 0 ? scene::map_at(motion.maps, motion.steps, time) : mesh.to_world;
 }
 
 TALBOT_INLINE WorldTriangle triangle_at(const MeshEmitter& mesh, const LightTriangle& triangle, const Affine& to_world, const scene::SceneView& scene,
                                         float time) {
     Vec3 a = triangle.a, b = triangle.b, c = triangle.c;
     if (mesh.moves) {
-        const scene::MeshView& shape = scene.meshes[scene.objects[mesh.object].mesh];
+        const scene::MeshView& shape = scene.meshes[scene::traits_of(scene, mesh.object).mesh];
         const uint32_t* vertices = shape.triangle_vertices + 3 * size_t(triangle.primitive);
         a = scene::position_at(shape, vertices[0], time);
         b = scene::position_at(shape, vertices[1], time);

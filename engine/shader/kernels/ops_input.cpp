@@ -46,7 +46,7 @@ TALBOT_INLINE int32_t object_of(const OpScope& s, int lane) {
 TALBOT_INLINE const scene::MeshView* mesh_of(const OpScope& s, int lane) {
     const int32_t object = object_of(s, lane);
     if (object < 0) return nullptr;
-    const int32_t mesh = s.context.scene->objects[object].mesh;
+    const int32_t mesh = scene::traits_of(*s.context.scene, object).mesh;
     if (mesh < 0 || !s.span.primitive || s.span.primitive[lane] < 0) return nullptr;
     return &s.context.scene->meshes[mesh];
 }
@@ -216,8 +216,7 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
         Vec3 v{r[3][k], r[4][k], r[5][k]};
         const int32_t object = object_of(s, k);
         if (object >= 0) {
-            const scene::ObjectView& view = s.context.scene->objects[object];
-            const scene::Placement placed = scene::placement_at(view, s.span.time ? s.span.time[k] : 0.5f);
+            const scene::Placement placed = scene::placement_at(*s.context.scene, object, s.span.time ? s.span.time[k] : 0.5f);
             v = transform(placed.to_world, placed.to_object, kind, v);
         } else if (of_lamps && s.span.is_lamp && s.span.lamp_to_world) {
             v = transform(*s.span.lamp_to_world, *s.span.lamp_to_object, kind, v);
@@ -333,7 +332,7 @@ void op_attribute(const Instruction& i, Registers r, int n, const OpScope& s) {
         const int32_t object = object_of(s, k);
         if (object >= 0 && id < s.context.scene->attribute_count) {
             const scene::MeshView* mesh = mesh_of(s, k);
-            const scene::AttributeView* views = AttributeSource(i.variant) == AttributeSource::Object ? s.context.scene->objects[object].attributes
+            const scene::AttributeView* views = AttributeSource(i.variant) == AttributeSource::Object ? scene::traits_of(*s.context.scene, object).attributes
                                                 : mesh                                                ? mesh->attributes
                                                                                                       : nullptr;
             if (views) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[5][k], r[6][k], value);
@@ -349,8 +348,8 @@ void op_attribute_at(const Instruction& i, Registers r, int n, const OpScope& s)
     for (int k = 0; k < s.span.n; ++k) {
         float value[5] = {};
         const int32_t object = as_int(r[5][k]), primitive = as_int(r[6][k]);
-        if (scene && object >= 0 && object < scene->object_count && id < scene->attribute_count && scene->objects[object].mesh >= 0) {
-            const scene::MeshView& mesh = scene->meshes[scene->objects[object].mesh];
+        if (scene && object >= 0 && object < scene->object_count && id < scene->attribute_count && scene::traits_of(*scene, object).mesh >= 0) {
+            const scene::MeshView& mesh = scene->meshes[scene::traits_of(*scene, object).mesh];
             if (mesh.attributes) read_attribute(mesh.attributes[id], &mesh, primitive, r[7][k], r[8][k], value);
         }
         for (int c = 0; c < 5; ++c) r[c][k] = value[c];
@@ -419,7 +418,8 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
         const int32_t object = object_of(s, k);
         float x = 0.0f;
         if (object >= 0) {
-            const scene::ObjectView& o = s.context.scene->objects[object];
+            const scene::SceneView& scene = *s.context.scene;
+            const scene::Object& o = scene.objects[object];
             switch (field) {
                 case ObjectField::LocationX:
                 case ObjectField::LocationY:
@@ -430,16 +430,16 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
                 case ObjectField::ColorG:
                 case ObjectField::ColorB:
                 case ObjectField::Alpha:
-                    x = o.color[int(field) - int(ObjectField::ColorR)];
+                    x = scene::traits_of(scene, object).color[int(field) - int(ObjectField::ColorR)];
                     break;
                 case ObjectField::Index:
-                    x = float(o.pass_index);
+                    x = float(scene::traits_of(scene, object).pass_index);
                     break;
                 case ObjectField::Random:
                     x = float(o.random) * (1.0f / 4294967295.0f);
                     break;
                 case ObjectField::NegativeScale:
-                    x = o.negative_scale ? 1.0f : 0.0f;
+                    x = determinant(o.to_world) < 0.0f ? 1.0f : 0.0f;
                     break;
                 case ObjectField::IsCurve:
                 case ObjectField::IsPoint: {
@@ -463,13 +463,12 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
 void op_instancer(Registers r, int n, const OpScope& s) {
     for (int k = 0; k < s.span.n; ++k) {
         const int32_t object = object_of(s, k);
-        static constexpr scene::ObjectView kNone{};
-        const scene::ObjectView& o = object >= 0 ? s.context.scene->objects[object] : kNone;
-        r[0][k] = o.dupli_generated.x;
-        r[1][k] = o.dupli_generated.y;
-        r[2][k] = o.dupli_generated.z;
-        r[3][k] = o.dupli_uv.x;
-        r[4][k] = o.dupli_uv.y;
+        const scene::Dupli dupli = object >= 0 && s.context.scene->duplis ? s.context.scene->duplis[object] : scene::Dupli{};
+        r[0][k] = dupli.generated.x;
+        r[1][k] = dupli.generated.y;
+        r[2][k] = dupli.generated.z;
+        r[3][k] = dupli.uv.x;
+        r[4][k] = dupli.uv.y;
     }
     pad(r, 5, s.span.n, n);
 }
@@ -481,13 +480,12 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
         const scene::MeshView* mesh = mesh_of(s, k);
         if (mesh && mesh->kind == scene::GeometryKind::Curves) {
             const scene::CurveSegment curve = scene::curve_segment(*mesh, s.span.primitive[k], s.span.time ? s.span.time[k] : 0.5f);
-            const Vec3 slope = curve_tangent(curve, u),
-                       d = transform_direction(s.context.scene->objects[s.span.object[k]].to_object, Vec3{r[2][k], r[3][k], r[4][k]});
+            const Vec3 slope = curve_tangent(curve, u), d = transform_direction(s.context.scene->to_object[s.span.object[k]], Vec3{r[2][k], r[3][k], r[4][k]});
             u += dot(d, slope) / dot(slope, slope);
         } else if (mesh && mesh->kind == scene::GeometryKind::Triangles) {
             const Triangle t = corners_of(mesh->triangle_vertices, s.span.primitive[k]);
             const Vec3 a = mesh->positions[t.a], e1 = mesh->positions[t.b] - a, e2 = mesh->positions[t.c] - a;
-            const Vec3 d = transform_direction(s.context.scene->objects[s.span.object[k]].to_object, Vec3{r[2][k], r[3][k], r[4][k]});
+            const Vec3 d = transform_direction(s.context.scene->to_object[s.span.object[k]], Vec3{r[2][k], r[3][k], r[4][k]});
             const float g11 = dot(e1, e1), g12 = dot(e1, e2), g22 = dot(e2, e2), d1 = dot(d, e1), d2 = dot(d, e2);
             const float det = g11 * g22 - g12 * g12;
             const float scale = det > 0.0f ? 1.0f / det : 0.0f;

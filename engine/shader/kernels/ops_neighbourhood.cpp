@@ -19,7 +19,7 @@ TALBOT_INLINE void fill_rest(Registers r, int columns, int lanes, int n) {
 TALBOT_INLINE const scene::MeshView* mesh_at(const OpScope& s, int32_t object, int32_t primitive) {
     const scene::SceneView* scene = s.context.scene;
     if (!scene || object < 0 || object >= scene->object_count || primitive < 0) return nullptr;
-    const int32_t mesh = scene->objects[object].mesh;
+    const int32_t mesh = scene::traits_of(*scene, object).mesh;
     return mesh >= 0 && scene->meshes[mesh].triangle_vertices ? &scene->meshes[mesh] : nullptr;
 }
 
@@ -61,7 +61,7 @@ struct HitNormals {
 TALBOT_INLINE HitNormals normals_at(const OpScope& s, int32_t object, int32_t primitive, float u, float v) {
     const scene::MeshView* mesh = mesh_at(s, object, primitive);
     if (!mesh) return {};
-    const scene::ObjectView& o = s.context.scene->objects[object];
+    const Affine& to_object = s.context.scene->to_object[object];
     const uint32_t* t = mesh->triangle_vertices + 3 * size_t(primitive);
     const Vec3 a = mesh->positions[t[0]], flat = cross(mesh->positions[t[1]] - a, mesh->positions[t[2]] - a);
     Vec3 normal = flat;
@@ -76,7 +76,7 @@ TALBOT_INLINE HitNormals normals_at(const OpScope& s, int32_t object, int32_t pr
             normal = mesh->vertex_normals[t[0]] * w + mesh->vertex_normals[t[1]] * u + mesh->vertex_normals[t[2]] * v;
         }
     }
-    return {normalize(transform_normal(o.to_object, flat)), normalize(transform_normal(o.to_object, normal))};
+    return {normalize(transform_normal(to_object, flat)), normalize(transform_normal(to_object, normal))};
 }
 
 /// Size of a pixel on the surface as the viewer sees it: the mean over two directions in it.

@@ -12,6 +12,7 @@
 
 #include "geometry/surface.h"
 #include "scene/view.h"
+#include "support/objects.h"
 
 namespace talbot::geometry {
 
@@ -114,12 +115,10 @@ struct World {
             handle = scene::Handle(scene.meshes.size());
             scene.meshes.push_back(std::move(mesh));
         }
-        scene::Object object;
-        object.mesh = handle;
-        object.to_world = to_world;
-        object.visibility = visibility;
-        scene.objects.push_back(object);
-        return int(scene.objects.size()) - 1;
+        scene::ObjectTraits traits;
+        traits.mesh = handle;
+        traits.visibility = visibility;
+        return tests::place(scene, traits, to_world);
     }
     const scene::SceneTables& view() {
         scene::make_scene_view(scene, 0, tables);

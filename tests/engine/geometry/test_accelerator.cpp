@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "geometry/shapes.h"
+#include "support/objects.h"
 
 namespace talbot::geometry {
 namespace {
@@ -37,7 +38,7 @@ Rays many_rays(int n, uint32_t seed) {
 double nearest(const World& world, Vec3 origin, Vec3 direction) {
     double best = std::numeric_limits<double>::infinity();
     for (const scene::Object& object : world.scene.objects) {
-        const scene::Mesh& mesh = *world.scene.meshes[size_t(object.mesh)];
+        const scene::Mesh& mesh = *world.scene.meshes[size_t(world.scene.traits[size_t(object.traits)].mesh)];
         for (size_t i = 0; i < mesh.triangle_vertices.size(); i += 3) {
             double p[3][3];
             for (size_t k = 0; k < 3; ++k) {
@@ -240,8 +241,8 @@ TEST(Accelerator, BadGeometryIsHarmless) {
     const auto dots = terrain(3);
     world.add(dots, translate_rotate_scale({20, 0, 0}, {1, 2, 3}, 1, {1e-6f, 1e-6f, 1e-6f}));
     world.add(dots, translate_rotate_scale({20, 0, 1}, {1, 2, 3}, 1, {1e-6f, 0, 0}));
-    scene::Object orphan;
-    world.scene.objects.push_back(orphan);
+    tests::place(world.scene, {});
+    world.scene.objects.emplace_back();
     Accelerator accelerator;
     accelerator.build(world.view(), {});
     Rays ray = one_ray({0.01f, 0.02f, 5});
@@ -284,6 +285,7 @@ TEST(Accelerator, EditsMatchAFreshBuild) {
                                               vec3(0.2f + 0.1f * uniform(random)));
             };
             auto& objects = world.scene.objects;
+            auto& traits = world.scene.traits;
             const size_t pick = objects.empty() ? 0 : random() % objects.size();
             switch (step < 4 ? 0 : random() % 6) {
                 case 0:
@@ -293,19 +295,19 @@ TEST(Accelerator, EditsMatchAFreshBuild) {
                     objects[pick].to_world = place();
                     break;
                 case 2:
-                    objects[pick].visibility ^= scene::kVisibleGlossy;
+                    traits[pick].visibility ^= scene::kVisibleGlossy;
                     break;
                 case 3:
-                    objects[pick].mesh = scene::Handle(random() % world.scene.meshes.size());
+                    traits[pick].mesh = scene::Handle(random() % world.scene.meshes.size());
                     break;
                 case 4:
-                    objects[pick].visibility = 0;
+                    traits[pick].visibility = 0;
                     break;
                 case 5:
                     world.scene.meshes[random() % world.scene.meshes.size()] = sphere(int(random() % 3));
                     break;
             }
-            if (step == 20) objects.pop_back();
+            if (step == 20) objects.pop_back(), traits.pop_back();
             edited.build(world.view(), flattened(flatten));
             Accelerator fresh;
             fresh.build(world.view(), flattened(flatten));
@@ -397,7 +399,7 @@ TEST(Accelerator, MemoryGoesBackWhenObjectsGo) {
     Accelerator accelerator;
     accelerator.build(world.view(), {});
     const size_t full = accelerator.bytes();
-    world.scene.objects[0].mesh = scene::kNone;
+    world.scene.traits[0].mesh = scene::kNone;
     accelerator.build(world.view(), {});
     EXPECT_LT(accelerator.bytes(), full / 4);
 }

@@ -9,6 +9,7 @@
 
 #include "geometry/dice.h"
 #include "geometry/tessellate.h"
+#include "support/objects.h"
 
 namespace talbot::geometry {
 namespace {
@@ -287,10 +288,11 @@ struct Fixture {
         scene.settings.width = 100;
     }
     void place(float z) {
-        scene::Object object;
-        object.mesh = 0;
-        object.to_world.m[2][3] = z;
-        scene.objects.push_back(object);
+        scene::ObjectTraits traits;
+        traits.mesh = 0;
+        Affine to_world;
+        to_world.m[2][3] = z;
+        tests::place(scene, traits, to_world);
     }
     const Mesh& dice(size_t budget = 1 << 24, const std::atomic<bool>* cancel = nullptr) {
         scene::make_scene_view(scene, 0, tables);

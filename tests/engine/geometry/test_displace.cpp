@@ -7,6 +7,7 @@
 #include "geometry/shapes.h"
 #include "shader/compiler.h"
 #include "support/graph_builder.h"
+#include "support/objects.h"
 
 namespace talbot::geometry {
 namespace {
@@ -74,12 +75,11 @@ struct Fixture {
     void add(const std::shared_ptr<const scene::Mesh>& mesh, std::vector<scene::Handle> shaders, const Affine& to_world = {}) {
         size_t handle = size_t(std::find(scene.meshes.begin(), scene.meshes.end(), mesh) - scene.meshes.begin());
         if (handle == scene.meshes.size()) scene.meshes.push_back(mesh);
-        scene::Object object;
-        object.mesh = scene::Handle(handle);
-        object.to_world = to_world;
+        scene::ObjectTraits traits;
+        traits.mesh = scene::Handle(handle);
         scene.material_sets.push_back(std::move(shaders));
-        object.material_set = scene::Handle(scene.material_sets.size() - 1);
-        scene.objects.push_back(object);
+        traits.material_set = scene::Handle(scene.material_sets.size() - 1);
+        tests::place(scene, traits, to_world);
     }
     void displace(int threads = 1, const std::atomic<bool>* cancel = nullptr) {
         programs = shader::compile_shaders(scene, tables, report);
@@ -88,7 +88,7 @@ struct Fixture {
         WorkerPool pool(threads);
         displace_meshes(tables, programs, context, &shader::run_program, pool, known, report, cancel);
     }
-    const scene::Mesh& shown(size_t object = 0) const { return *tables.keep_alive[size_t(tables.objects[object].mesh)]; }
+    const scene::Mesh& shown(size_t object = 0) const { return *tables.keep_alive[size_t(tables.view.traits[object].mesh)]; }
 };
 
 Affine scaled(float x, float y, float z) {
@@ -188,7 +188,7 @@ TEST(Displace, InstancesShareAndOtherMaterialsDoNot) {
     EXPECT_EQ(f.shown(2).positions[0].z, 1.0f);
     EXPECT_EQ(&f.shown(3), mesh.get());
     EXPECT_EQ(f.tables.view.meshes, f.tables.meshes.data());
-    for (size_t i = 0; i < 4; ++i) EXPECT_EQ(f.tables.meshes[size_t(f.tables.objects[i].mesh)].positions, f.shown(i).positions.data());
+    for (size_t i = 0; i < 4; ++i) EXPECT_EQ(f.tables.meshes[size_t(f.tables.view.traits[i].mesh)].positions, f.shown(i).positions.data());
 }
 
 TEST(Displace, FlatAndSharpFacesKeepTheirEdges) {

@@ -82,12 +82,13 @@ TEST(Motion, ObjectsMove) {
     const int object = world.add(square(), translate_rotate_scale({2, 0, 0}, {0, 0, 1}, 0, vec3(1)));
     world.scene.motion.objects.emplace_back();
     for (float t : {0.f, 0.5f, 1.f}) world.scene.motion.objects[0].push_back(translate_rotate_scale(expected_place(t), {0, 0, 1}, 0, vec3(1)));
-    world.scene.objects[size_t(object)].motion = 0;
+    world.scene.motion.of_objects.assign(world.scene.objects.size(), scene::kNone);
+    world.scene.motion.of_objects[size_t(object)] = 0;
     Accelerator accelerator;
     accelerator.build(world.view(), {});
     expect_moves(world, accelerator);
     // And they stop again.
-    world.scene.objects[size_t(object)].motion = scene::kNone;
+    world.scene.motion.of_objects.clear();
     accelerator.build(world.view(), {});
     Probe probe;
     for (float t : {0.f, 0.5f, 1.f}) probe.add(2, t);
@@ -117,7 +118,7 @@ TEST(Motion, CopiesThatPartAreBothThere) {
     world.add(mesh);
     world.scene.motion.objects.emplace_back();
     for (float t : {0.f, 1.f}) world.scene.motion.objects[0].push_back(translate_rotate_scale({8 * t - 4, 0, 0}, {0, 0, 1}, 0, vec3(1)));
-    world.scene.objects[1].motion = 0;
+    world.scene.motion.of_objects = {scene::kNone, 0};
     Accelerator accelerator;
     accelerator.build(world.view(), {});
     Probe probe;

@@ -31,7 +31,7 @@ struct Ball {
         auto mesh = sphere(2);
         mesh->triangle_smooth.assign(mesh->triangle_count(), smooth);
         world.add(mesh, translate_rotate_scale({1, -2, 3}, {1, 2, 3}, 0.8f, vec3(2)));
-        world.scene.objects[0].shadow_terminator_geometry_offset = offset;
+        world.scene.traits[0].shadow_terminator_geometry_offset = offset;
         accelerator.build(world.view(), {});
         std::mt19937 random(4);
         Rays rays;

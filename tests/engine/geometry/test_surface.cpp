@@ -250,7 +250,7 @@ TEST(Surface, NormalsPointOutAndFaceTheViewer) {
         Accelerator accelerator;
         accelerator.build(world.view(), {});
         const Affine& m = world.scene.objects[0].to_world;
-        const Affine inv = world.tables.objects[0].to_object;
+        const Affine inv = world.tables.to_object[0];
         for (int k = 0; k < 4; ++k) {
             const bool from_inside = k & 1, viewport = k & 2;
             world.scene.settings.viewport = viewport;
@@ -300,7 +300,7 @@ TEST(Surface, FlatCornerAndBrokenNormals) {
     world.add(mesh);
     world.scene.material_sets = {{2, 3}};
     world.scene.shaders.resize(5);
-    world.scene.objects[0].material_set = 0;
+    world.scene.traits[0].material_set = 0;
     Accelerator accelerator;
     accelerator.build(world.view(), {});
     Rays rays;

@@ -25,9 +25,9 @@ scene::Scene four_places() {
         tests::add_object(scene, tests::add_quads(scene, {{x0, -1, z}, {x1, -1, z}, {x1, 1, z}, {x0, 1, z}}), grey);
     };
     quad(-2, 1, 0);
-    scene.objects.back().is_shadow_catcher = true;
+    scene.traits.back().is_shadow_catcher = true;
     quad(-2, -1, 1);
-    scene.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+    scene.traits.back().visibility &= ~uint32_t(scene::kVisibleCamera);
     quad(0, 1, 1);
     scene::Light sun;
     sun.type = scene::LightType::Sun;
@@ -79,7 +79,7 @@ TEST(Catcher, LightThatIsNotReal) {
 
 TEST(Catcher, WithoutCatchersThePassIsWhite) {
     scene::Scene scene = four_places();
-    scene.objects[0].is_shadow_catcher = false;
+    scene.traits[0].is_shadow_catcher = false;
     scene.passes = {PassKind::Combined, PassKind::ShadowCatcher};
     expect_pixels(render(scene, PassKind::ShadowCatcher), std::vector<float>(12, 1.0f));
 }

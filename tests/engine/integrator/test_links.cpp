@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "support/objects.h"
 #include "support/render.h"
 #include "support/scenes.h"
 
@@ -24,7 +25,7 @@ scene::Scene two_floors(int bounces) {
     const scene::Handle grey = tests::add_shader(scene, tests::one_node("BsdfDiffuse", {kAlbedo, kAlbedo, kAlbedo}));
     tests::add_object(scene, tests::add_quads(scene, {{-2, -2, 0}, {0, -2, 0}, {0, 2, 0}, {-2, 2, 0}}), grey);
     tests::add_object(scene, tests::add_quads(scene, {{0, -2, 0}, {2, -2, 0}, {2, 2, 0}, {0, 2, 0}}), grey);
-    scene.objects[1].receiver_set = 1;
+    scene.traits[1].receiver_set = 1;
     return scene;
 }
 
@@ -84,8 +85,8 @@ TEST(Links, LampsAndMeshesAreAsIfAlone) {
         // Faces down; two triangles that are no rectangle.
         tests::add_object(scene, tests::add_quads(scene, {{-0.5f, y - 0.3f, 0.8f}, {-0.5f, y + 0.4f, 0.8f}, {0.5f, y + 0.2f, 0.8f}, {0.5f, y - 0.3f, 0.8f}}),
                           shader);
-        scene.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera | scene::kVisibleShadow);
-        scene.objects.back().linking = scene::Handle(scene.linkings.size());
+        scene.traits.back().visibility &= ~uint32_t(scene::kVisibleCamera | scene::kVisibleShadow);
+        scene.traits.back().linking = scene::Handle(scene.linkings.size());
         scene.linkings.push_back({receivers, -1});
     };
     for (const bool sampled : {true, false}) {
@@ -116,23 +117,23 @@ TEST(Links, ShadowsOfChosenBlockersOnly) {
         const scene::Handle roof =
             tests::add_shader(covered, glass ? tests::one_node("BsdfTransparent", {0.25f, 0.25f, 0.25f}) : tests::one_node("BsdfDiffuse", {}));
         tests::add_object(covered, tests::add_quads(covered, {{-2, -2, 1}, {2, -2, 1}, {2, 2, 1}, {-2, 2, 1}}), roof);
-        covered.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+        covered.traits.back().visibility &= ~uint32_t(scene::kVisibleCamera);
         const double whole = render(open).left, part = glass ? 0.25 : 0.0;
         EXPECT_NEAR(render(covered).left, part * whole, 0.01 * whole) << glass;
 
         scene::Scene linked = covered;
         linked.lights[0].linking.blockers = 40;
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "none of the objects blocks";
-        linked.objects.back().blocks |= uint64_t(1) << 39;
+        linked.traits.back().blocks |= uint64_t(1) << 39;
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << "another group";
-        linked.objects.back().blocks |= uint64_t(1) << 40;
+        linked.traits.back().blocks |= uint64_t(1) << 40;
         EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
         // An instance is asked by its own mask: the mesh is now used twice, the second time out of the way.
-        linked.objects.push_back(linked.objects.back());
+        tests::place(linked, linked.traits.back());
         linked.objects.back().to_world.m[0][3] = 100;
-        linked.objects.back().blocks = 0;
+        linked.traits.back().blocks = 0;
         EXPECT_NEAR(render(linked).left, part * whole, 0.01 * whole) << glass;
-        std::swap(linked.objects[2].blocks, linked.objects[3].blocks);
+        std::swap(linked.traits[2].blocks, linked.traits[3].blocks);
         EXPECT_NEAR(render(linked).left, whole, 0.01 * whole) << glass;
     }
 }
@@ -141,13 +142,13 @@ TEST(Links, EmissiveMeshesHaveBlockersToo) {
     scene::Scene open = two_floors(1);
     const scene::Handle shader = tests::add_shader(open, tests::one_node("Emission", {3, 3, 3}));
     tests::add_object(open, tests::add_quads(open, {{-0.5f, -0.5f, 1.5f}, {-0.5f, 0.5f, 1.5f}, {0.5f, 0.5f, 1.5f}, {0.5f, -0.5f, 1.5f}}), shader);
-    open.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+    open.traits.back().visibility &= ~uint32_t(scene::kVisibleCamera);
     scene::Scene linked = open;
     const scene::Handle roof = tests::add_shader(linked, tests::one_node("BsdfDiffuse", {0, 0, 0}));
     tests::add_object(linked, tests::add_quads(linked, {{-2, -2, 1}, {2, -2, 1}, {2, 2, 1}, {-2, 2, 1}}), roof);
-    linked.objects.back().visibility &= ~uint32_t(scene::kVisibleCamera);
+    linked.traits.back().visibility &= ~uint32_t(scene::kVisibleCamera);
     EXPECT_EQ(render(linked).left, 0);
-    linked.objects[2].linking = 0;
+    linked.traits[2].linking = 0;
     linked.linkings = {{~uint64_t(0), 0}};
     EXPECT_NEAR(render(linked).left / render(open).left, 1, 0.02);
 }

@@ -90,7 +90,7 @@ TEST(Raycast, ObjectsMayBeLeftOut) {
     test::GraphBuilder g;
     g.surface(g.emission(g.out(g.node("ShaderNodeRaycast").set("Length", 10.0f).id(), "Is Hit", SocketKind::Float)));
     Room room(std::move(g));
-    room.scene.objects[1].visibility &= ~uint32_t(scene::kVisibleRaycast);
+    room.scene.traits[1].visibility &= ~uint32_t(scene::kVisibleRaycast);
     EXPECT_EQ(room.color().x, 0);
 }
 

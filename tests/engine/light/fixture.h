@@ -9,6 +9,7 @@
 
 #include "base/sobol.h"
 #include "light/emitter_table.h"
+#include "support/objects.h"
 
 namespace talbot::light::test {
 
@@ -46,11 +47,10 @@ struct Fixture {
     }
     void add_instance(int mesh, int shader, const Affine& to_world) {
         scene.material_sets.push_back({shader});
-        scene::Object object;
-        object.mesh = mesh;
-        object.material_set = int(scene.material_sets.size()) - 1;
-        object.to_world = to_world;
-        scene.objects.push_back(object);
+        scene::ObjectTraits traits;
+        traits.mesh = mesh;
+        traits.material_set = int(scene.material_sets.size()) - 1;
+        tests::place(scene, traits, to_world);
     }
     scene::Light& add_light(scene::LightType type, float power, Vec3 at) {
         scene::Light light;
@@ -167,7 +167,7 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
     float best = t;
     int32_t object = -1, primitive = -1;
     for (size_t k = 0; k < f.scene.objects.size(); ++k) {
-        const scene::Mesh& mesh = *f.scene.meshes[size_t(f.scene.objects[k].mesh)];
+        const scene::Mesh& mesh = *f.scene.meshes[size_t(f.scene.traits[k].mesh)];
         for (size_t q = 0; q < mesh.triangle_count(); ++q) {
             Vec3 v[3];
             for (size_t c = 0; c < 3; ++c) v[c] = transform_point(f.scene.objects[k].to_world, mesh.positions[mesh.triangle_vertices[3 * q + c]]);
@@ -184,7 +184,7 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
         }
     }
     if (object >= 0) {
-        const int32_t shader = f.scene.material_sets[size_t(f.scene.objects[size_t(object)].material_set)][0];
+        const int32_t shader = f.scene.material_sets[size_t(f.scene.traits[size_t(object)].material_set)][0];
         met.radiance = double(f.programs.shaders[size_t(shader)].constant_emission.x);
         float pdf = 0;
         pdf_triangles(*f.table, f.tables.view, origin, &best, &object, &primitive, nullptr, nullptr, 1, &pdf);

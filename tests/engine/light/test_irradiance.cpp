@@ -221,7 +221,7 @@ TEST(Irradiance, InstancesShareTheirTriangles) {
     half.m[2][2] = -2;
     f.add_instance(0, shader, half);
     f.scene.material_sets[1] = f.scene.material_sets[0];
-    f.scene.objects[1].material_set = 0;
+    f.scene.traits[1].material_set = 0;
     f.build();
     EXPECT_EQ(f.table->triangles.size(), 4u);
     const double up = irradiance(f, Stratum::Local, {}, kUp, 1 << 16) / M_PI, down = irradiance(f, Stratum::Local, {}, -kUp, 1 << 16) / M_PI;

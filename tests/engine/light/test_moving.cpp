@@ -72,7 +72,7 @@ TEST(Moving, ObjectsAreSampledWhereTheyAre) {
     Fixture f;
     f.add_mesh(kCorners, kTriangles, f.emission({2, 2, 2}), placed(0, 0));
     f.scene.motion.objects = {{placed(-1, 0), placed(1, 0)}};
-    f.scene.objects[0].motion = 0;
+    f.scene.motion.of_objects.assign(f.scene.objects.size(), 0);
     expect_as_if_standing(f, [](Fixture& s, int shader, float time) { s.add_mesh(kCorners, kTriangles, shader, placed(2 * time - 1, 0)); });
 }
 
@@ -80,7 +80,7 @@ TEST(Moving, TurningObjectsToo) {
     Fixture f;
     f.add_mesh(kCorners, kTriangles, f.emission({2, 2, 2}), placed(0, 0));
     f.scene.motion.objects = {{placed(0, 0), placed(0.2f, 0.4f), placed(0.4f, 0.8f)}};
-    f.scene.objects[0].motion = 0;
+    f.scene.motion.of_objects.assign(f.scene.objects.size(), 0);
     expect_as_if_standing(f, [](Fixture& s, int shader, float time) {
         // Between steps the maps are interpolated as they are.
         const bool second = time > 0.5f;

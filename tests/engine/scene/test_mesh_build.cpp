@@ -133,13 +133,14 @@ TEST(SceneView, ResolvesMaterialsAndAttributes) {
     scene.meshes = {nullptr, std::make_shared<const Mesh>(build_mesh(in, report))};
     scene.shaders.resize(3);
     scene.material_sets = {{2, kNone}, {}};
-    scene.objects.resize(3);
-    scene.objects[0].mesh = 1;
-    scene.objects[0].material_set = 0;
-    scene.objects[1].mesh = 1;
-    scene.objects[1].material_set = 1;
-    scene.objects[1].to_world.m[0][0] = -1;
-    scene.objects[2].mesh = 0;  // removed
+    scene.traits.resize(3);
+    scene.traits[0].mesh = 1;
+    scene.traits[0].material_set = 0;
+    scene.traits[1].mesh = 1;
+    scene.traits[1].material_set = 1;
+    scene.traits[2].mesh = 0;  // removed
+    scene.objects.resize(5);
+    for (int i = 0; i < 4; ++i) scene.objects[size_t(i)].traits = i % 3;
 
     SceneTables tables;
     const AttributeId unknown = tables.attribute_id("nobody has it"), active = tables.attribute_id(kActiveUv);
@@ -150,13 +151,15 @@ TEST(SceneView, ResolvesMaterialsAndAttributes) {
     EXPECT_EQ(view.meshes[1].attributes[unknown].data, nullptr);
     EXPECT_EQ(view.meshes[1].attributes[active].components, 2);
     EXPECT_EQ(view.meshes[1].attributes[active].domain, Domain::Corner);
-    EXPECT_EQ(view.objects[0].material_count, 2);
-    EXPECT_EQ(view.material_slots[view.objects[0].material_offset], 2);
-    EXPECT_EQ(view.material_slots[view.objects[0].material_offset + 1], 1) << "an empty slot is the default shader";
-    EXPECT_EQ(view.material_slots[view.objects[1].material_offset], 1) << "an object without slots too";
-    EXPECT_TRUE(view.objects[1].negative_scale);
-    EXPECT_EQ(view.objects[2].mesh, kNone);
-    EXPECT_EQ(view.objects[2].visibility, 0u);
+    EXPECT_EQ(view.traits[0].material_count, 2);
+    EXPECT_EQ(view.material_slots[view.traits[0].material_offset], 2);
+    EXPECT_EQ(view.material_slots[view.traits[0].material_offset + 1], 1) << "an empty slot is the default shader";
+    EXPECT_EQ(view.material_slots[view.traits[1].material_offset], 1) << "an object without slots too";
+    EXPECT_EQ(&traits_of(view, 3), &view.traits[0]) << "instances share them";
+    for (int32_t object : {2, 4}) {
+        EXPECT_EQ(traits_of(view, object).mesh, kNone) << object;
+        EXPECT_EQ(traits_of(view, object).visibility, 0u) << object;
+    }
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ TEST(ClosedForms, ShadowTerminatorShadingOffset) {
         stage.floor();
         low_sun(stage, 60);
         stage.look({}, {0, 0, -1});
-        stage.scene.objects[0].shadow_terminator_shading_offset = 0.4f;
+        stage.scene.traits[0].shadow_terminator_shading_offset = 0.4f;
         expect_render(stage, std::cos(75 * M_PI / 180) / M_PI, "offset", 0.001);
     }
 }

@@ -78,19 +78,16 @@ Scene make_scene() {
     scene.dicing_camera.clip_end = 77;
     scene.settings.offscreen_dicing_scale = 5;
 
-    Object object;
+    ObjectTraits object;
     object.name = 0;
     object.mesh = 2;
-    object.motion = 0;
+    scene.motion.of_objects = {0, kNone};
     object.material_set = 0;
     object.attribute_set = 0;
-    object.to_world.m[1][3] = 7;
     object.visibility = kVisibleCamera;
-    object.random = 12345;
     object.pass_index = 3;
     object.color[2] = 0.5f;
-    object.dupli_generated = {1, 2, 3};
-    object.dupli_uv = {4, 5};
+    scene.duplis = {{{1, 2, 3}, {4, 5}}, {}};
     object.linking = 0;
     object.receiver_set = 63;
     object.blocks = uint64_t(1) << 63;
@@ -98,7 +95,10 @@ Scene make_scene() {
     object.is_instance = object.is_holdout = object.is_shadow_catcher = true;
     object.shadow_terminator_shading_offset = 0.3f;
     object.shadow_terminator_geometry_offset = 0.4f;
-    scene.objects = {object, Object{}};
+    scene.traits = {ObjectTraits{}, object};
+    scene.objects.resize(2);
+    scene.objects[0] = {{}, 1, 12345};
+    scene.objects[0].to_world.m[1][3] = 7;
     scene.object_names = {"Cube"};
     scene.material_sets = {{0, kNone}, {}};
     scene.object_attribute_sets = {{{"prop", Domain::Object, 3, false, {1, 2, 3}}}};
@@ -196,7 +196,7 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.motion.shutter, scene.motion.shutter);
     EXPECT_TRUE(loaded.motion.rolling);
     EXPECT_EQ(loaded.motion.rolling_duration, 0.75f);
-    EXPECT_EQ(loaded.objects[0].motion, 0);
+    EXPECT_EQ(loaded.motion.of_objects, scene.motion.of_objects);
     EXPECT_EQ(loaded.meshes[3]->kind, GeometryKind::Curves);
     EXPECT_EQ(loaded.meshes[3]->curve_shape, CurveShape::ThickLinear);
     EXPECT_EQ(loaded.meshes[3]->curve_subdivisions, 5);
@@ -222,15 +222,20 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_TRUE(loaded.meshes[0]->attributes[1].is_color);
     EXPECT_EQ(loaded.meshes[0]->generated_scale.z, 6);
     EXPECT_EQ(loaded.objects[0].to_world.m[1][3], 7);
-    EXPECT_TRUE(loaded.objects[0].is_shadow_catcher);
-    EXPECT_EQ(loaded.objects[0].shadow_terminator_geometry_offset, 0.4f);
+    EXPECT_EQ(loaded.objects[0].traits, 1);
+    EXPECT_EQ(loaded.objects[0].random, 12345u);
+    EXPECT_EQ(loaded.objects[1].traits, kNone);
+    EXPECT_EQ(loaded.duplis[0].uv.y, 5);
+    EXPECT_EQ(loaded.traits, scene.traits);
+    EXPECT_TRUE(loaded.traits[1].is_shadow_catcher);
+    EXPECT_EQ(loaded.traits[1].shadow_terminator_geometry_offset, 0.4f);
     EXPECT_EQ(loaded.lights[0].random, 9u);
     EXPECT_EQ(loaded.lights[0].linking.receivers, 6u);
     EXPECT_EQ(loaded.lights[0].linking.blockers, 17);
     EXPECT_FALSE(loaded.lights[0].is_shadow_catcher);
-    EXPECT_EQ(loaded.objects[0].linking, 0);
-    EXPECT_EQ(loaded.objects[0].receiver_set, 63);
-    EXPECT_EQ(loaded.objects[0].blocks, uint64_t(1) << 63);
+    EXPECT_EQ(loaded.traits[1].linking, 0);
+    EXPECT_EQ(loaded.traits[1].receiver_set, 63);
+    EXPECT_EQ(loaded.traits[1].blocks, uint64_t(1) << 63);
     EXPECT_EQ(loaded.linkings[0].receivers, 5u);
     EXPECT_EQ(std::get<std::string>(loaded.shaders[0].graph.nodes[1].properties.at("distribution")), "GGX");
     EXPECT_EQ(std::get<std::vector<float>>(loaded.shaders[0].graph.nodes[1].properties.at("ramp")).size(), 3u);
@@ -252,9 +257,11 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
     EXPECT_EQ(sizeof(Mesh), 712u);
     EXPECT_EQ(sizeof(Subdivision), 208u);
-    EXPECT_EQ(sizeof(Object), 144u);
+    EXPECT_EQ(sizeof(ObjectTraits), 64u);
+    EXPECT_EQ(sizeof(Object), 56u);
+    EXPECT_EQ(sizeof(Dupli), 20u);
     EXPECT_EQ(sizeof(Linking), 16u);
-    EXPECT_EQ(sizeof(Motion), 104u);
+    EXPECT_EQ(sizeof(Motion), 128u);
     EXPECT_EQ(sizeof(NodeInput), 96u);
     EXPECT_EQ(sizeof(NodeOutput), 56u);
     EXPECT_EQ(sizeof(Node), 160u);
@@ -266,7 +273,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
     EXPECT_EQ(sizeof(Aov), 40u);
-    EXPECT_EQ(sizeof(Scene), 1032u);
+    EXPECT_EQ(sizeof(Scene), 1104u);
 }
 #endif
 
@@ -338,8 +345,8 @@ TEST(Dump, HandlesThatLeadNowhere) {
         return message_of(folder.file("a"));
     };
     EXPECT_EQ(refused([](Scene&) {}), "");
-    EXPECT_NE(refused([](Scene& s) { s.objects[0].mesh = 5; }).find("Object 'Cube'"), std::string::npos);
-    EXPECT_NE(refused([](Scene& s) { s.objects[0].material_set = -2; }), "");
+    EXPECT_NE(refused([](Scene& s) { s.traits[1].mesh = 5; }).find("Object 'Cube'"), std::string::npos);
+    EXPECT_NE(refused([](Scene& s) { s.traits[1].material_set = -2; }), "");
     EXPECT_NE(refused([](Scene& s) { s.material_sets[0][0] = 1; }), "");
     EXPECT_NE(refused([](Scene& s) { s.lights[0].shader = 1; }), "");
     EXPECT_NE(refused([](Scene& s) { s.world.shader = 1; }), "");

@@ -7,8 +7,10 @@
 #include <random>
 
 #include "base/cpu.h"
+#include "scene/motion.h"
 #include "shader/compiler.h"
 #include "support/graph_builder.h"
+#include "support/objects.h"
 
 namespace talbot {
 // The kernels of every instruction set that was compiled in. Inline like the lowest one's in the header, so they are called by their whole names.
@@ -77,13 +79,12 @@ struct Stage {
         mesh->attributes.push_back({"heat", scene::Domain::Vertex, 1, false, {0, 1, 2}});
         mesh->attributes.push_back({"paint", scene::Domain::Face, 4, true, {0.1f, 0.2f, 0.3f, 0.4f}});
         scene.meshes.push_back(mesh);
-        scene::Object object;
-        object.mesh = 0;
-        object.to_world = to_world;
-        object.random = 0x80000000u;
-        object.pass_index = 7;
-        object.color[1] = 0.25f;
-        scene.objects.push_back(object);
+        scene::ObjectTraits traits;
+        traits.mesh = 0;
+        traits.pass_index = 7;
+        traits.color[1] = 0.25f;
+        tests::place(scene, traits, to_world);
+        scene.objects[0].random = 0x80000000u;
         scene.settings.version = version;
         scene.shaders.push_back(g.shader);
         programs = shader::compile_shaders(scene, tables, report);
@@ -95,7 +96,7 @@ struct Stage {
     /// Points at barycentrics (u, v), seen from straight above in object space.
     void place(const std::vector<Vec2>& uv) {
         span.n = int(uv.size());
-        const scene::ObjectView& object = tables.view.objects[0];
+        const scene::Placement object{tables.view.objects[0].to_world, tables.view.to_object[0]};
         float* c = columns.data();
         const auto column = [&c] {
             float* p = c;

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "scene/scene.h"
+#include "support/objects.h"
 
 namespace talbot::tests {
 
@@ -97,13 +97,13 @@ inline scene::Handle add_quads(scene::Scene& scene, const std::vector<Vec3>& cor
 }
 
 inline void add_object(scene::Scene& scene, scene::Handle mesh, scene::Handle shader) {
-    scene::Object object;
-    object.mesh = mesh;
+    scene::ObjectTraits traits;
+    traits.mesh = mesh;
     scene.object_names.push_back("Object");
-    object.name = scene::Handle(scene.object_names.size() - 1);
+    traits.name = scene::Handle(scene.object_names.size() - 1);
     scene.material_sets.push_back({shader});
-    object.material_set = scene::Handle(scene.material_sets.size() - 1);
-    scene.objects.push_back(object);
+    traits.material_set = scene::Handle(scene.material_sets.size() - 1);
+    place(scene, traits);
 }
 
 /// Six faces of the cube [-r, r]^3, seen from both sides.

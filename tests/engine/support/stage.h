@@ -10,6 +10,7 @@
 
 #include "session/session.h"
 #include "support/graph_builder.h"
+#include "support/objects.h"
 
 namespace talbot::test {
 
@@ -68,15 +69,16 @@ struct Stage {
         mesh->triangle_smooth.assign(triangles.size() / 3, 0);
         scene.meshes.push_back(mesh);
         scene.material_sets.push_back({material});
-        scene::Object object;
-        object.mesh = int(scene.meshes.size()) - 1;
-        object.material_set = int(scene.material_sets.size()) - 1;
+        scene::ObjectTraits traits;
+        traits.mesh = int(scene.meshes.size()) - 1;
+        traits.material_set = int(scene.material_sets.size()) - 1;
+        Affine to_world;
         const float t[3] = {at.x, at.y, at.z};
         for (int r = 0; r < 3; ++r) {
-            object.to_world.m[r][r] = scale;
-            object.to_world.m[r][3] = t[r];
+            to_world.m[r][r] = scale;
+            to_world.m[r][3] = t[r];
         }
-        scene.objects.push_back(object);
+        tests::place(scene, traits, to_world);
     }
     void quad(Vec3 center, Vec3 x, Vec3 y, int material) {
         mesh({center - x - y, center + x - y, center + x + y, center - x + y}, {0, 1, 2, 0, 2, 3}, material);

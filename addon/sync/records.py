@@ -1,0 +1,108 @@
+"""What a pass over the objects finds, and as what it is sent."""
+
+import hashlib
+from array import array
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .linking import Resolved, Subject, linking_arrays
+from .strands import HairSource
+from .subdivision import Dicing
+
+IS_INSTANCE, IS_HOLDOUT, IS_SHADOW_CATCHER = 1, 2, 4
+
+
+@dataclass
+class Record:
+    """What all instances of one (object, data, parent) share."""
+
+    mesh: Any
+    mesh_name: str
+    owners: set[tuple[str, str]]
+    name: int
+    material_set: int
+    visibility: int
+    pass_index: int
+    color: tuple[float, ...]
+    flags: int
+    shading_offset: float
+    geometry_offset: float
+    holders: tuple[Any, ...]
+    subject: Subject
+    attribute_set: int = -1
+    hair: HairSource | None = None
+    """Strands that grow on `mesh`, instead of the mesh itself."""
+    dicing: Dicing | None = None
+
+    def key(self) -> tuple[int, int]:
+        """What this geometry is, among all of a pass."""
+        if self.hair is None:
+            return (self.mesh.as_pointer(), -1)
+        return (self.hair.owner.original.as_pointer(), self.hair.index)
+
+
+@dataclass
+class Gathered:
+    """The result of the pass. `mesh`, `holders` and `hair` of the records are Blender's: for the same callback only."""
+
+    records: list[Record] = field(default_factory=list)
+    rows: "array[int]" = field(default_factory=lambda: array("i"))
+    """Of the instances that are shown, which may be millions: numbers in a list would take ten times the memory."""
+    which: "array[int]" = field(default_factory=lambda: array("i"))
+    """The record of each."""
+    lights: list[dict[str, Any]] = field(default_factory=list)
+    linked: Resolved | None = None
+    names: list[str] = field(default_factory=list)
+    material_sets: list[list[int]] = field(default_factory=list)
+    attribute_sets: list[list[tuple[str, tuple[float, ...]]]] = field(default_factory=list)
+    matrices: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 16), np.float32))
+    random: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    dupli: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+
+
+def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
+    """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
+    records = gathered.records
+    rows = np.array(gathered.rows, dtype=np.int32)
+
+    def column(values: list[Any], dtype: Any, columns: int = 1) -> Any:
+        return np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
+
+    arrays: dict[str, Any] = {
+        "matrix": np.ascontiguousarray(gathered.matrices[rows]),
+        "traits": np.array(gathered.which, dtype=np.int32),
+        "random": np.ascontiguousarray(gathered.random[rows]),
+        "mesh": column(mesh_handles, np.int32),
+        "name": column([r.name for r in records], np.int32),
+        "names": gathered.names,
+        "material_set": column([r.material_set for r in records], np.int32),
+        "material_sets": gathered.material_sets,
+        "visibility": column([r.visibility for r in records], np.uint32),
+        "pass_index": column([r.pass_index for r in records], np.int32),
+        "color": column([r.color for r in records], np.float32, 4),
+        "flags": column([r.flags for r in records], np.uint32),
+        "shading_offset": column([r.shading_offset for r in records], np.float32),
+        "geometry_offset": column([r.geometry_offset for r in records], np.float32),
+        "attribute_set": column([r.attribute_set for r in records], np.int32),
+        "attribute_sets": gathered.attribute_sets,
+    }
+    if gathered.linked is not None:
+        arrays |= linking_arrays(gathered.linked, [r.subject for r in records])
+    if gathered.dupli is not None:
+        arrays["dupli_generated"] = np.ascontiguousarray(gathered.dupli[0][rows])
+        arrays["dupli_uv"] = np.ascontiguousarray(gathered.dupli[1][rows])
+    return arrays
+
+
+def fingerprint(arrays: dict[str, Any]) -> dict[str, Any]:
+    """What is kept of the arrays to compare later ones with: of a million instances not a million rows."""
+    out = {}
+    for name, values in arrays.items():
+        if isinstance(values, np.ndarray):
+            out[name] = (values.shape, hashlib.blake2b(values, digest_size=16).digest())
+        else:
+            out[name] = values
+    return out
