@@ -57,8 +57,9 @@ void offset_origin(ConstColumns3 p, ConstColumns3 n_g, ConstColumns3 direction, 
 ///     h = sum over edges ij of w_i w_j (N_j - N_i) . (V_j - V_i)
 /// above the triangle, and no lower than the nearest of the three planes that pass over the triangle at right angles to N_i. The object's geometry offset g
 /// says what is grazing: all of the height below it, none from 2 g on (from g on for the flat triangle), as in Cycles.
-void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 direction, const float* error, const int32_t* list, int count,
-                    Columns3 origin);
+/// `normal` says what is towards the light: the smooth normal, bent by displacement where that is shown as bump.
+void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 normal, ConstColumns3 direction, const float* error,
+                    const int32_t* list, int count, Columns3 origin);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::geometry

@@ -178,7 +178,7 @@ Value remap(Expressions& e, Remap kind, Value x, Value low, Value high, Value st
 void compile_map_range(NodeContext& n) {
     Expressions& e = n.e;
     const Remap kind = Remap(n.choice("interpolation_type", {"LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP"}));
-    const bool clamp = n.flag("clamp", true) && (kind == kLinear || kind == kStepped);
+    const bool clamp = n.flag("clamp", true);
     if (n.text("data_type", "FLOAT") == "FLOAT") {
         const Value low = n.value("From Min", 0), high = n.value("From Max", 1), to_low = n.value("To Min", 0), to_high = n.value("To Max", 1);
         const Value t = remap(e, kind, n.value("Value", 1), low, high, n.value("Steps", 4));

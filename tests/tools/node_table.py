@@ -1,8 +1,8 @@
 """The table of engine/shader/README.md from reports of the node probes.
 
 `TALBOT_NODE_REPORT=a.json ./talbot test --blender system --filter node_conformance`, the same with b.json and bpy-4.2
-and so on, then `python3 tests/tools/node_table.py 3.4=a.json 4.2=b.json 4.5=c.json 5.0=d.json 5.2=e.json`. (5.2 is Debian
-sid's: newest_blender.sh makes a tree with it.)
+and so on, then `python3 tests/tools/node_table.py 3.4=a.json 4.2=b.json 4.5=c.json 5.0=d.json 5.2=e.json`. (5.2 is
+Debian sid's: newest_blender.sh makes a tree with it.)
 """
 
 from __future__ import annotations

@@ -48,13 +48,13 @@ Vec3 smooth_offset(const scene::SceneView& scene, const shader::ShadingSpan& spa
 
 }  // namespace
 
-void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 direction, const float* error, const int32_t* list, int count,
-                    Columns3 origin) {
+void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& span, ConstColumns3 normal, ConstColumns3 direction, const float* error,
+                    const int32_t* list, int count, Columns3 origin) {
     const int n = span.n;
     offset_origin(span.p, span.n_g, direction, error, n, origin);
     float cutoff[kSpan], amount[kSpan];
     for (int i = 0; i < n; ++i) cutoff[i] = scene::traits_of(scene, span.object[i]).geometry_offset;
-    ConstColumn sx = span.n_s.x, sy = span.n_s.y, sz = span.n_s.z, gx = span.n_g.x, gy = span.n_g.y, gz = span.n_g.z;
+    ConstColumn sx = normal.x, sy = normal.y, sz = normal.z, gx = span.n_g.x, gy = span.n_g.y, gz = span.n_g.z;
     ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
@@ -66,7 +66,7 @@ void shadow_origins(const scene::SceneView& scene, const shader::ShadingSpan& sp
     for (int k = 0; k < count; ++k) {
         const int i = list[k];
         if (!(amount[i] > 0.0f)) continue;
-        const Vec3 n_g = load(span.n_g, i), side = dot(load(span.n_s, i), load(direction, i)) < 0.0f ? -n_g : n_g;
+        const Vec3 n_g = load(span.n_g, i), side = dot(load(normal, i), load(direction, i)) < 0.0f ? -n_g : n_g;
         const Vec3 offset = smooth_offset(scene, span, i, side) * amount[i];
         // A light behind the flat triangle is seen from its front: from behind, everything would be dark.
         if (dot(offset, offset) > 0.0f) store(origin, i, load(span.p, i) + offset + n_g * way_off_surface(error[i], dot(n_g, side)));

@@ -47,13 +47,13 @@ int weigh_samples(const scene::Settings& settings, SpanScratch& s, bool distant)
 }
 
 /// Queues the shadow rays of the first `count` lanes of s.list, towards the light sample in direction s.wi.
-void push_shadow_rays(const RenderContext& context, Worker& worker, int count) {
+void push_shadow_rays(const RenderContext& context, Worker& worker, ConstColumns3 normal, int count) {
     const PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
     ShadowQueue& queue = worker.shadow;
     const int n = s.span.n;
     const Columns3 origin = s.tmp3, towards = s.f;
-    geometry::shadow_origins(*context.scene, s.span, s.wi, s.error, s.list, count, origin);
+    geometry::shadow_origins(*context.scene, s.span, normal, s.wi, s.error, s.list, count, origin);
     const ConstColumn px = s.span.p.x, py = s.span.p.y, pz = s.span.p.z, wx = s.wi.x, wy = s.wi.y, wz = s.wi.z, ox = origin.x, oy = origin.y, oz = origin.z;
     const ConstColumn distance = s.light.distance;
     const Column dx = towards.x, dy = towards.y, dz = towards.z, t_max = s.tmp;
@@ -136,7 +136,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     std::memcpy(s.wi.y, s.light.wi.y, size_t(n) * 4);
     std::memcpy(s.wi.z, s.light.wi.z, size_t(n) * 4);
     eval_closures(s, program, geometry, s.light.visibility, context.layout->light_passes, s.f, s.pdf);
-    push_shadow_rays(context, worker, weigh_samples(*context.settings, s, distant));
+    push_shadow_rays(context, worker, geometry.ns, weigh_samples(*context.settings, s, distant));
 }
 
 }  // namespace TALBOT_ISA

@@ -16,7 +16,7 @@ Vec3 origin_of(const scene::SceneView& scene, const shader::ShadingSpan& span, i
         o[k].resize(size_t(span.n));
     }
     const Columns3 origin{o[0].data(), o[1].data(), o[2].data()};
-    shadow_origins(scene, span, Columns3{d[0].data(), d[1].data(), d[2].data()}, error, &i, 1, origin);
+    shadow_origins(scene, span, span.n_s, Columns3{d[0].data(), d[1].data(), d[2].data()}, error, &i, 1, origin);
     return load(origin, i);
 }
 

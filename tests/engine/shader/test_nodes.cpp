@@ -269,6 +269,21 @@ TEST(Nodes, ConstantVectorOfTheInliner) {
     EXPECT_EQ(got.z, 2.0f);
 }
 
+// A range without extent gives 0, then the clamp holds, whatever the interpolation.
+TEST(Nodes, MapRangeWithoutExtent) {
+    for (const char* kind : {"LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP"}) {
+        for (const bool clamp : {false, true}) {
+            GraphBuilder g;
+            NodeBuilder n = g.node("ShaderNodeMapRange").text("interpolation_type", kind).number("clamp", clamp).set("Value", 0.8f);
+            n.set("From Min", 0.5f).set("From Max", 0.5f).set("To Min", 2).set("To Max", 7);
+            g.surface(g.emission(g.out(n.id(), "Result", F)));
+            std::string complaints;
+            EXPECT_EQ(evaluate(g, 502, nullptr, complaints).x, clamp ? 2.0f : 0.0f) << kind;
+            EXPECT_EQ(complaints, "");
+        }
+    }
+}
+
 TEST(Nodes, AnswerLikeCycles) {
     // Four by three texels, linear.
     float pixels[48];
