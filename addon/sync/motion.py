@@ -91,7 +91,7 @@ class MotionPass:
         self._keys = [keys[row] for row in gathered.rows]
         levels = [_level(record, "use_motion_blur") for record in gathered.records]
         self._levels = np.array([levels[which] for which in gathered.which], dtype=np.int64)
-        self._matrices[0.5] = gathered.matrices[np.array(gathered.rows)]
+        self._matrices[0.5] = gathered.matrices[np.array(gathered.rows, dtype=np.int64)]
         by_velocity: set[int] = set()
         for key, which in zip(self._keys, gathered.which, strict=True):
             record, handle = gathered.records[which], handles[which]

@@ -3,7 +3,6 @@
 An instance costs one lookup by (object, data, parent); what those three decide is read once for all their instances.
 """
 
-from array import array
 from dataclasses import replace
 from typing import Any
 
@@ -61,13 +60,11 @@ class ObjectPass:
         use_strand = self.view_layer.use_strand
         cache: dict[tuple[Any, Any, Any], tuple[int, tuple[int, ...]]] = {}
         rows, which = out.rows, out.which
-        dupli, random = array("b"), array("q")
+        random: list[int] = []
+        row = -1
         last_source = last_data = last_parent = known = None
         # One value a time: in bulk Blender walks the instances again for each, which takes six times as long.
         for row, instance in enumerate(instances):
-            is_dupli = instance.is_instance
-            dupli.append(is_dupli)
-            random.append(instance.random_id)
             visible = instance.show_self
             if not visible and not (use_strand and instance.show_particles):
                 continue
@@ -76,11 +73,10 @@ class ObjectPass:
             if data is None:
                 continue
             # Objects of instances are made for the step: what they stand for is what lasts.
-            if is_dupli:
-                source, parent = instance.instance_object, instance.parent
+            if instance.is_instance:
+                source, parent, number = instance.instance_object, instance.parent, instance.random_id
             else:
-                source, parent = obj, None
-                random[row] = name_key(obj.name)
+                source, parent, number = obj, None, name_key(obj.name)
             # Most are as the one before. The cache holds these objects: they are found again as the same.
             if source is not last_source or data is not last_data or parent is not last_parent:
                 last_source, last_data, last_parent = key = (source, data, parent)
@@ -93,44 +89,48 @@ class ObjectPass:
             if index >= 0 and visible:
                 rows.append(row)
                 which.append(index)
+                random.append(number)
             elif index == LIGHT:
-                self._light(obj, parent, random[row], column_major(instance.matrix_world))
+                self._light(obj, parent, number, column_major(instance.matrix_world))
             for strand in strands:
                 rows.append(row)
                 which.append(strand)
-        count = len(dupli)
-        out.random = np.array(random).astype(np.uint32)
+                random.append(number)
+        count = row + 1  # len() would walk them again
+        out.random = np.array(random, dtype=np.int64).astype(np.uint32)
         matrices = np.empty(count * 16, dtype=np.float32)
         if count:
             instances.foreach_get("matrix_world", matrices)
         out.matrices = matrices.reshape(count, 16)
         if self.culling is not None:
             self._cull(self.culling)
-        real = np.array(dupli) == 0
+        dupli = np.array([record.flags & IS_INSTANCE for record in out.records], np.bool_)
+        real = ~dupli[np.array(out.which, dtype=np.int64)]
         out.random[real] = mixed_keys(out.random[real])
         self._link()
         # Only now all shaders are known.
         wanted = self.shaders.wanted()
-        if INSTANCER in wanted and any(dupli):
+        if INSTANCER in wanted and dupli.any():
             self._read_dupli(instances, count)
         properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))
         for record in out.records if properties else ():
             record.attribute_set = self._attribute_set(record.holders, properties)
-        if PARTICLE in wanted and any(dupli):
+        if PARTICLE in wanted and dupli.any():
             self._read_particles(instances)
         return out
 
     def _cull(self, culling: Culling) -> None:
         """Forgets rows that are left out, and records without a row."""
         out = self.out
-        which = np.array(out.which)
+        which = np.array(out.which, dtype=np.int64)
         rules = np.array([culling.rules(record.holders[-1]) for record in out.records], np.bool_).reshape(-1, 2)
         boxes = np.array([record.holders[-1].bound_box for record in out.records], np.float32).reshape(-1, 8, 3)
-        matrices = out.matrices[np.array(out.rows)]
+        matrices = out.matrices[np.array(out.rows, dtype=np.int64)]
         shown = ~culling.hidden(boxes[which], matrices, *rules[which].T)
         used, which = np.unique(which[shown], return_inverse=True)
-        out.rows = array("i", np.array(out.rows)[shown].tolist())
-        out.which = array("i", which.reshape(-1).tolist())
+        out.rows = [row for row, is_shown in zip(out.rows, shown.tolist(), strict=True) if is_shown]
+        out.which = which.reshape(-1).tolist()
+        out.random = out.random[shown]
         out.records = [out.records[index] for index in used.tolist()]
 
     def _link(self) -> None:

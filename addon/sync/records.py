@@ -1,7 +1,6 @@
 """What a pass over the objects finds, and as what it is sent."""
 
 import hashlib
-from array import array
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,10 +48,9 @@ class Gathered:
     """The result of the pass. `mesh`, `holders` and `hair` of the records are Blender's: for the same callback only."""
 
     records: list[Record] = field(default_factory=list)
-    rows: "array[int]" = field(default_factory=lambda: array("i"))
-    """Of the instances that are shown, which may be millions: numbers in a list would take ten times the memory."""
-    which: "array[int]" = field(default_factory=lambda: array("i"))
-    """The record of each."""
+    rows: list[int] = field(default_factory=list)
+    """Of the instances that are shown; for each of them its record and its random number."""
+    which: list[int] = field(default_factory=list)
     lights: list[dict[str, Any]] = field(default_factory=list)
     linked: Resolved | None = None
     names: list[str] = field(default_factory=list)
@@ -66,7 +64,7 @@ class Gathered:
 def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
     """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
     records = gathered.records
-    rows = np.array(gathered.rows, dtype=np.int32)
+    rows = np.array(gathered.rows, dtype=np.int64)
 
     def column(values: list[Any], dtype: Any, columns: int = 1) -> Any:
         return np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
@@ -74,7 +72,7 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
     arrays: dict[str, Any] = {
         "matrix": np.ascontiguousarray(gathered.matrices[rows]),
         "traits": np.array(gathered.which, dtype=np.int32),
-        "random": np.ascontiguousarray(gathered.random[rows]),
+        "random": gathered.random,
         "mesh": column(mesh_handles, np.int32),
         "name": column([r.name for r in records], np.int32),
         "names": gathered.names,
