@@ -112,7 +112,7 @@ class ObjectArrays(TypedDict, total=False):
     receiver_set: i32  # (n,) 0 to 63
     linking: i32  # (n,) of its emission, index into `linkings`, -1: it lights everything
     linkings: list[tuple[int, int]]  # mask of the receiver sets; blocker group 0 to 63, -1: all objects block
-    blocks: u32  # (n, 2) bit g of the low or the high word: casts the shadows of emitters with blocker group g
+    blocks: u32  # (n, 2) bit g of the low or the high word: casts the shadows of emitters with blocker group g; bit 63: some group names it
     pass_index: i32  # (n,)
     color: f32  # (n, 4)
     flags: u32  # (n,) bits is_instance 1, is_holdout 2, is_shadow_catcher 4

@@ -12,7 +12,8 @@ import numpy as np
 
 from .context import SyncContext
 
-MAX_RECEIVER_SETS, MAX_BLOCKER_GROUPS = 64, 64
+MAX_RECEIVER_SETS, MAX_BLOCKER_GROUPS = 64, 63
+CHOSEN_OR_NOT = 1 << 63
 ALL_SETS, ALL_BLOCK = (1 << 64) - 1, -1
 NO_LINKING = (ALL_SETS, ALL_BLOCK)
 
@@ -54,7 +55,7 @@ class Resolved:
     linkings: dict[Subject, tuple[int, int]]
     """Of emission, only where it is not NO_LINKING: mask of receiver sets, blocker group."""
     blockers: dict[Subject, int]
-    """Mask of the groups whose shadows the object casts."""
+    """Mask of the groups whose shadows the object casts; CHOSEN_OR_NOT where a collection of blockers names it."""
 
 
 @dataclass
@@ -128,6 +129,8 @@ class LinkPass:
             if linking != NO_LINKING:
                 linkings[subject] = linking
             blockers[subject] = sum(1 << n for c, n in numbers.items() if self._objects[c].holds(pointer))
+            if any(self._objects[c].names(pointer) for c in numbers):
+                blockers[subject] |= CHOSEN_OR_NOT
         return Resolved(sets, linkings, blockers)
 
     def _in_use(self, collections: Iterable[int]) -> list[int]:

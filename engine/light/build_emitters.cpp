@@ -85,12 +85,14 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
         view.emitter_leaf = table->emitter_leaf.data();
     }
     view.nodes = table->nodes.data();
+    view.hits_keep_normals = scene.settings.version < 400;
     for (const Emitter& emitter : table->emitters) view.has_kind[emitter.kind] = true;
     for (size_t i = 0; i < table->lamps.size(); ++i) {
         const Lamp& lamp = table->lamps[i];
         view.has_lamp_programs |= lamp.program_shader >= 0;
         const bool has_surface = lamp.kind != int32_t(EmitterKind::Point);
         if (has_surface && lamp.hit_visibility != 0) table->visible_lamps.push_back(int32_t(i));
+        if (has_surface && lamp.linked_visibility != 0) table->linked_lamps.push_back(int32_t(i));
     }
     for (const Sun& sun : table->suns) view.has_lamp_programs |= sun.program_shader >= 0;
     for (const LightTriangle& triangle : table->triangles) {
@@ -105,6 +107,8 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     view.lamp_count = int(table->lamps.size());
     view.visible_lamps = table->visible_lamps.data();
     view.visible_lamp_count = int(table->visible_lamps.size());
+    view.linked_lamps = table->linked_lamps.data();
+    view.linked_lamp_count = int(table->linked_lamps.size());
     view.rects = table->rects.data();
     view.meshes = table->meshes.data();
     view.triangles = table->triangles.data();
@@ -121,7 +125,13 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     summary.has_distant = view.world.probability > 0;
     for (const Sun& sun : table->suns) summary.has_distant |= sun.probability > 0;
     summary.has_visible_lamps = !table->visible_lamps.empty();
-    for (const Sun& sun : table->suns) summary.has_visible_suns |= sun.hit_visibility != 0 && sun.one_minus_cos > 0;
+    summary.has_linked_lamps = !table->linked_lamps.empty();
+    for (size_t i = 0; i < table->suns.size(); ++i) {
+        const Sun& sun = table->suns[i];
+        if (sun.one_minus_cos == 0) continue;
+        summary.has_visible_suns |= sun.hit_visibility != 0;
+        if (sun.linked_visibility != 0) summary.linked_suns.push_back(int32_t(i));
+    }
     return table;
 }
 

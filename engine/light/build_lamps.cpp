@@ -142,10 +142,13 @@ void add_area(const scene::Light& light, bool today, Report& report, Lamp& lamp,
     reach.strength *= mean(lamp.power) * float(area);
 }
 
-/// Rays that may hit the lamp: without MIS those of the camera only.
-int32_t hit_visibility(const scene::Light& light) {
-    const uint32_t visibility = light.use_mis ? light.visibility : light.visibility & scene::kVisibleCamera;
-    return int32_t(scene::with_catcher_bits(visibility, light.is_shadow_catcher));
+/// Rays that may hit the lamp.
+template <class LampOrSun>
+void set_hit_visibility(const scene::Light& light, LampOrSun& out) {
+    const uint32_t camera = light.visibility & scene::kVisibleCamera, others = light.use_mis ? light.visibility & ~camera : 0;
+    const bool linked = light.linking.blockers >= 0;
+    out.hit_visibility = int32_t(scene::with_catcher_bits(linked ? camera : camera | others, light.is_shadow_catcher));
+    out.linked_visibility = linked ? int32_t(scene::with_catcher_bits(others, light.is_shadow_catcher)) : 0;
 }
 
 void add_sun(const scene::Light& light, scene::Handle handle, bool today, const LampShader& own, EmitterTable& table) {
@@ -166,7 +169,7 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     sun.power = light.color * own.factor * float(double(light.power) * factor);
     sun.program_shader = own.program_shader;
     sun.visibility = int32_t(scene::with_catcher_bits(light.visibility, light.is_shadow_catcher));
-    sun.hit_visibility = hit_visibility(light);
+    set_hit_visibility(light, sun);
     sun.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
     sun.receivers = light.linking.receivers;
     sun.max_bounces = light.max_bounces;
@@ -196,7 +199,7 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.power = light.color * own.factor * light.power;
         lamp.program_shader = own.program_shader;
         lamp.visibility = int32_t(scene::with_catcher_bits(light.visibility, light.is_shadow_catcher));
-        lamp.hit_visibility = hit_visibility(light);
+        set_hit_visibility(light, lamp);
         lamp.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
         lamp.receivers = light.linking.receivers;
         lamp.max_bounces = light.max_bounces;

@@ -84,7 +84,8 @@ struct Lamp {
     int32_t emitter = -1;         ///< in the list of local emitters; -1: not sampled (no power)
     int32_t program_shader = -1;  ///< shader whose emission program multiplies `power`; -1: constant
     int32_t visibility = 0;
-    int32_t hit_visibility = 0;                ///< rays that may hit it (without MIS: camera rays only)
+    int32_t hit_visibility = 0;                ///< rays that may hit it (without MIS, and linked: camera rays only)
+    int32_t linked_visibility = 0;             ///< linked: rays that may hit it and look for such lamps
     int32_t blockers = scene::kVisibleShadow;  ///< mask of its shadow rays; 0: nothing casts a shadow
     uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
@@ -149,7 +150,7 @@ struct Sun {
     float probability = 0;
     int32_t program_shader = -1;
     int32_t visibility = 0;
-    int32_t hit_visibility = 0;
+    int32_t hit_visibility = 0, linked_visibility = 0;  ///< as of lamps
     int32_t blockers = scene::kVisibleShadow;
     uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
@@ -170,11 +171,6 @@ struct WorldMap {
     float sun_share = 0;  ///< of the world's samples; 0: no disc
 };
 
-/// Light of this emitter that scattered rays find does not count: other objects stopped them than cast its shadows.
-TALBOT_INLINE bool has_own_blockers(int32_t blockers) {
-    return scene::blocker_group(uint32_t(blockers)) >= 0;
-}
-
 /// True when the mask of sets holds the receiver's, or nobody receives (-1).
 TALBOT_INLINE bool is_lit(uint64_t receivers, int32_t receiver) {
     return receiver < 0 || ((receivers >> receiver) & 1) != 0;
@@ -192,8 +188,8 @@ struct EmitterView {
     bool has_kind[kEmitterKinds] = {};
     const Lamp* lamps = nullptr;
     int lamp_count = 0;
-    const int32_t* visible_lamps = nullptr;
-    int visible_lamp_count = 0;
+    const int32_t *visible_lamps = nullptr, *linked_lamps = nullptr;  ///< those with hit_visibility, with linked_visibility
+    int visible_lamp_count = 0, linked_lamp_count = 0;
     const Rect* rects = nullptr;
     const MeshEmitter* meshes = nullptr;
     const LightTriangle* triangles = nullptr;
@@ -204,6 +200,7 @@ struct EmitterView {
     int sun_count = 0;
     bool has_lamp_programs = false;
     bool has_mesh_programs = false;
+    bool hits_keep_normals = false;  ///< before 4.0, shaders of round lamps that rays hit read their normal (and IES tables) without the lamp's turn
     WorldMap world;
     float distant_scale[scene::kReceiverSets];  ///< by receiver set: 1 / probability of all distant emitters that light it; 0: none does
     int world_shader = -1;
@@ -220,7 +217,7 @@ struct EmitterTable {
     std::vector<int32_t> emitter_leaf;
     std::vector<uint64_t> receivers;
     std::vector<Lamp> lamps;
-    std::vector<int32_t> visible_lamps;
+    std::vector<int32_t> visible_lamps, linked_lamps;
     std::vector<Rect> rects;
     std::vector<MeshEmitter> meshes;
     std::vector<LightTriangle> triangles;

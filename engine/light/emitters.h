@@ -33,10 +33,12 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
 /// For the integrator: what exists at all.
 struct EmitterSummary {
     bool has_local = false;
-    bool has_distant = false;        ///< suns or a world map
-    bool has_visible_lamps = false;  ///< lamps that rays may hit (intersect_lamps is needed)
-    bool has_visible_suns = false;   ///< suns with a disc that rays may see (shade_suns is needed)
-    bool has_links = false;          ///< some emitter does not light everything: receivers are asked for
+    bool has_distant = false;          ///< suns or a world map
+    bool has_visible_lamps = false;    ///< lamps that rays may hit (intersect_lamps is needed)
+    bool has_visible_suns = false;     ///< suns with a disc that rays may see (shade_suns is needed)
+    bool has_links = false;            ///< some emitter does not light everything: receivers are asked for
+    bool has_linked_lamps = false;     ///< lamps with blockers of their own that scattered rays may hit
+    std::vector<int32_t> linked_suns;  ///< such suns, with a disc
     bool world_is_black = false;
     bool world_is_constant = false;
     Rgb constant_world;
@@ -82,29 +84,45 @@ void sample_emitters(const EmitterTable& table, Stratum stratum, const LightQuer
                      const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out);
 
 /// Density (per solid angle, selection included) with which `sample_emitters` at `origin` would have chosen the surface point a BSDF ray hit:
-/// emissive triangle (object, primitive) at distance t. 0 when it is not sampled. Infinite when samples alone bring its light: the
-/// ray was stopped by more, or less, than what casts this emitter's shadows. `receiver`, `time`: see LightQuery; the objects are lit by what the rays hit.
+/// emissive triangle (object, primitive) at distance t. 0 when it is not sampled. `receiver`, `time`: see LightQuery; the objects are lit by what the rays hit.
 void pdf_triangles(const EmitterTable& table, const scene::SceneView& scene, ConstColumns3 origin, const float* t, const int32_t* object,
                    const int32_t* primitive, const int32_t* receiver, const float* time, int n, float* pdf);
 
+/// Emissive surfaces that rays hit, n lanes; time: null where nothing moves. `origin` and `distance` are those of the rays.
+struct EmissiveHits {
+    ConstColumns3 origin, direction;
+    const float *distance = nullptr, *u = nullptr, *v = nullptr;
+    const int32_t *object = nullptr, *primitive = nullptr, *shader = nullptr, *ray_flags = nullptr, *bounces = nullptr;
+    const float* time = nullptr;
+    int n = 0;
+};
+/// Their radiance towards the rays' origins. n <= kSpan.
+void shade_emissive(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const EmissiveHits& hits, Columns3 radiance);
+
 /// The same for the world in `direction` (0 when the world is not sampled).
 void pdf_background(const EmitterTable& table, ConstColumns3 direction, const int32_t* receiver, int n, float* pdf);
+
+/// Which emitters are met: those that paths may meet themselves (linked ones from the camera only), or the linked ones, for rays that look for them.
+enum class Met : uint8_t { ByPaths, Linked };
 
 /// Lamps are not in the acceleration structure. Nearest visible lamp (area, sphere of point and spot) before t_max on each ray:
 /// emitter[i] = lamp index or -1, t[i] its distance. `visibility[i]` = mask of the ray's kind. Lamps do not block rays: to collect those behind the
 /// first, call again with `t_min` = the distances found (null: 0) until none is found.
 void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
-                     int32_t* emitter, float* t, const float* t_min = nullptr);
+                     int32_t* emitter, float* t, const float* t_min = nullptr, Met met = Met::ByPaths);
 /// Radiance of that lamp towards the ray's origin and its sampling density there. Origin is the vertex that scattered the ray (soft point lamps turn towards
 /// it). `bounce` is that vertex's, for lamps whose nodes ask (null: 0). A lamp's max_bounces is for light samples only, as in Cycles. `receiver` is the set of
-/// the object there, -1: the camera, which sees everything (null: everything is lit); infinite densities as above.
+/// the object there, -1: the camera, which sees everything (null: everything is lit).
 void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
                  int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
                  const int32_t* bounce = nullptr, const int32_t* receiver = nullptr);
 /// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
-/// weight 1). n <= kSpan.
+/// weight 1). n <= kSpan. `linked`: one of the summary's linked_suns alone; -1: all that paths may meet.
 void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* receiver = nullptr);
+                const int32_t* receiver = nullptr, int linked = -1);
+/// Mask of the shadow rays to a lamp, or a sun; 0: nothing casts a shadow.
+int32_t lamp_blockers(const EmitterTable& table, int32_t lamp);
+int32_t sun_blockers(const EmitterTable& table, int32_t sun);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light

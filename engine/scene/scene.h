@@ -30,12 +30,16 @@ enum Visibility : uint32_t {
 };
 
 /// Light linking. Every object is in one of 64 receiver sets, and every emitter has a mask of the sets it lights. An emitter whose shadows only some objects
-/// cast has a blocker group g of its own: of the objects with kVisibleShadow its shadow rays see those with bit g in `ObjectTraits::blocks`.
+/// cast has a blocker group g of its own: of the objects with kVisibleShadow its shadow rays see those with bit g in `ObjectTraits::blocks`. Such emitters are
+/// linked.
 struct Linking {
     uint64_t receivers = ~uint64_t(0);  ///< bit s: lights the objects of set s
-    int32_t blockers = -1;              ///< group, 0 to 63; -1: all objects
+    int32_t blockers = -1;              ///< group, 0 to 62; -1: all objects
 };
-inline constexpr int kReceiverSets = 64, kBlockerGroups = 64;
+inline constexpr int kReceiverSets = 64, kBlockerGroups = 63;
+/// Bit of `ObjectTraits::blocks` beside the groups: some blockers are chosen with regard to this object. Scattered rays look for linked emitters beyond such
+/// objects only, and beyond those that let light through, as in Cycles.
+inline constexpr uint64_t kChosenOrNot = uint64_t(1) << kBlockerGroups;
 
 /// Masks of shadow rays hold one more than the group beside Visibility's bits; 0: all objects block.
 inline constexpr int kBlockerShift = 8;
@@ -145,7 +149,7 @@ struct ObjectTraits {
     bool is_holdout = false;
     bool is_shadow_catcher = false;
     uint8_t receiver_set = 0;                        ///< which emitters light it
-    uint64_t blocks = 0;                             ///< bit g: casts the shadows of emitters with blocker group g; see Linking
+    uint64_t blocks = 0;                             ///< bit g: casts the shadows of emitters with blocker group g; see Linking, kChosenOrNot
     float shadow_terminator_shading_offset = 0;      ///< 0..1: moves the smooth shading's dark side towards the light
     float shadow_terminator_geometry_offset = 0.1f;  ///< cosine below which shadow rays begin on the smooth surface
     bool operator==(const ObjectTraits&) const = default;

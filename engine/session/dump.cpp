@@ -21,7 +21,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 10;
+constexpr uint32_t kVersion = 11;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -104,10 +104,16 @@ void fields(A& a, Is<Mesh> auto& s) {
     a.since(2, s.motion_normals);
     a.since(7, s.subdivision);
 }
+/// Nothing was known of objects that no blockers are chosen with regard to; the bit was a group.
+template <class A>
+void forget_chosen(A& a, ObjectTraits& s) {
+    if (a.version() < 11) s.blocks &= ~kChosenOrNot;
+}
 template <class A>
 void fields(A& a, Is<ObjectTraits> auto& s) {
     a(s.name, s.mesh, s.material_set, s.attribute_set, s.linking, s.visibility, s.pass_index, s.color, s.is_instance, s.is_holdout, s.is_shadow_catcher,
       s.receiver_set, s.blocks, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
+    if constexpr (A::kReads) forget_chosen(a, s);
 }
 template <class A>
 void fields(A& a, Is<Object> auto& s) {
@@ -139,6 +145,7 @@ void fields(A& a, Is<WholeObject> auto& s) {
         t.blocks = t.visibility >> 8 & 0x1ffff;
         t.visibility &= kVisibleAll;
     }
+    forget_chosen(a, t);
 }
 template <class A>
 void take_whole_objects(A& a, Scene& scene, std::vector<Handle>& moving) {
@@ -158,6 +165,7 @@ void fields(A& a, Is<Linking> auto& s) {
     a(s.receivers, s.blockers);
     if constexpr (A::kReads) {
         if (a.version() < 8) s.blockers = s.blockers > int32_t(kVisibleShadow) ? std::countr_zero(uint32_t(s.blockers)) - 8 : -1;
+        if (a.version() < 11 && s.blockers >= kBlockerGroups) s.blockers = -1;
     }
 }
 template <class A>

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from pair_scenes import (
     add_box,
@@ -22,6 +23,7 @@ from pair_scenes import (
     set_world,
 )
 from pairs import Bounds, agree
+from test_pairs_strands import points_group
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 0, 0), reason="Blender has no light linking")
 Members = Sequence[tuple[Any, str]]
@@ -95,8 +97,7 @@ def test_receivers(pair_scene: Any, tmp_path: Path, world: bool) -> None:
 
 
 def test_blockers(pair_scene: Any, tmp_path: Path) -> None:
-    """Emitters whose shadows some objects alone cast, one of them transparent. No mirror: what Talbot sees of
-    such an emitter in one is hidden by everything in between."""
+    """Emitters whose shadows some objects alone cast, one of them transparent."""
     things, lights = row_of_things(pair_scene), emitters()
     ball, box, mirror, other, _ = things
     mirror.data.materials[0] = material(lambda tree: tree("BsdfTransparent", Color=(0.8, 0.5, 0.2)))
@@ -107,6 +108,59 @@ def test_blockers(pair_scene: Any, tmp_path: Path) -> None:
     lights[4].light_linking.blocker_collection = linking([(box, "EXCLUDE")])
     pair_scene.cycles.max_bounces = 1
     agree(pair_scene, tmp_path, samples=128, bounds=Bounds(0.02, 0.1))
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.15, 0.4])
+def test_blockers_in_mirrors(pair_scene: Any, tmp_path: Path, roughness: float) -> None:
+    """What rays that are scattered find of such emitters: by their blockers, and by what no collection names."""
+    things, lights = row_of_things(pair_scene), emitters()
+    ball, box, mirror, other, ground = things
+    for thing in (box, mirror, ground):
+        thing.data.materials[0] = material(lambda tree: tree("BsdfGlossy", Roughness=roughness))
+    sheet = add_plane(
+        material(lambda tree: tree("BsdfTransparent", Color=(0.3, 0.6, 0.9))), 1.5, location=(-1.0, 0, 1.2)
+    )
+    wall = add_plane(diffuse(), 1.0, location=(1.2, 0.6, 1.1), rotation=(0.6, 0.0, 0.0))
+    unnamed = add_plane(diffuse(), 0.7, location=(0.0, 0.4, 1.3), rotation=(0.6, 0.0, 0.0))
+    for thing in (sheet, wall, unnamed):
+        thing.visible_camera = False
+    lights[0].light_linking.blocker_collection = linking([(ball, "INCLUDE"), (sheet, "INCLUDE")])
+    lights[1].light_linking.blocker_collection = linking([(box, "EXCLUDE"), (wall, "EXCLUDE")])
+    lights[2].light_linking.blocker_collection = linking([(wall, "INCLUDE"), (other, "INCLUDE")])
+    lights[3].light_linking.blocker_collection = linking([(ball, "INCLUDE"), (mirror, "INCLUDE")])
+    lights[4].light_linking.blocker_collection = linking([(wall, "EXCLUDE")])
+    lights[4].light_linking.receiver_collection = linking([(box, "EXCLUDE")])
+    pair_scene.cycles.max_bounces, pair_scene.cycles.caustics_reflective = 2, False
+    agree(pair_scene, tmp_path, samples=256, bounds=Bounds(0.02, 0.15))
+
+
+def test_emissive_strands_with_blockers(pair_scene: Any, tmp_path: Path) -> None:
+    """Points and curves that emit, as shadow linking has them: light samples do not find them."""
+    curves = bpy.data.hair_curves.new("Curves")
+    if not hasattr(curves, "add_curves"):
+        pytest.skip("scripts make curves from 4.3 on")
+    item = glow((0.3, 0.6, 1.0), 4.0)
+    dots = add_mesh([(0.5, 0.5, 1.5), (1.2, 0.0, 1.4)], [], item)
+    size = dots.data.attributes.new("size", "FLOAT", "POINT")
+    size.data.foreach_set("value", [0.3, 0.25])
+    dots.modifiers.new("Points", "NODES").node_group = points_group(item)
+    look_at(pair_scene, (0.0, -5.0, 3.0), (0.0, 0.0, 0.3), 40.0)
+    add_plane(diffuse(), 8.0)
+    ball = add_sphere(diffuse(), 0.4, location=(-0.8, 0.0, 0.4))
+    add_sphere(material(lambda tree: tree("BsdfGlossy")), 0.4, location=(0.8, 0.0, 0.4))
+    roof = add_plane(diffuse(), 1.5, location=(-0.6, 0.0, 1.1))
+    roof.visible_camera = False
+    curves.add_curves([4])
+    curves.points.foreach_set("position", np.linspace((-1.4, 0.6, 1.6), (0.0, 0.6, 1.6), 4).astype(np.float32).ravel())
+    radius = curves.attributes.get("radius") or curves.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", [0.0, 0.2, 0.2, 0.0])
+    curves.materials.append(glow((1.0, 0.7, 0.3), 4.0))
+    for obj in (add_object(curves), dots):
+        obj.visible_camera = False
+        obj.light_linking.blocker_collection = linking([(ball, "INCLUDE"), (roof, "EXCLUDE")])
+    pair_scene.cycles_curves.shape = "THICK"
+    pair_scene.cycles.max_bounces = 1
+    agree(pair_scene, tmp_path, samples=512, bounds=Bounds(0.03, 0.15))
 
 
 def test_both_together(pair_scene: Any, tmp_path: Path) -> None:

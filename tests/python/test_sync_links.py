@@ -84,7 +84,8 @@ def test_blockers(empty_scene: Any) -> None:
     names = [session.objects["names"][index] for index in session.objects["name"]]
     blocks = dict(zip(names, session.objects["blocks"].tolist(), strict=True))
     own = 1 << group["Lamp"]
-    assert blocks == {"A": [own, 0], "B": [0, 0], "hidden": [3, 0]}
+    named = 1 << 31
+    assert blocks == {"A": [own, named], "B": [0, named], "hidden": [3, named]}
     visible = dict(zip(names, session.objects["visibility"].tolist(), strict=True))
     assert not visible["hidden"] & 32
 
@@ -101,15 +102,15 @@ def test_too_many_sets(empty_scene: Any) -> None:
 
 
 def test_many_blockers(empty_scene: Any) -> None:
-    """Sixty-four collections; what is beyond is said."""
-    objects = [add_triangle(f"T{number:02}") for number in range(66)]
+    """Sixty-three collections; what is beyond is said."""
+    objects = [add_triangle(f"T{number:02}") for number in range(65)]
     for number, obj in enumerate(objects):
         add_light(f"L{number:02}").light_linking.blocker_collection = collect(obj)
     session, _, result = synchronise()
-    assert len([w for w in result.warnings if "more than 64 collections of shadow linking" in w]) == 2
+    assert len([w for w in result.warnings if "more than 63 collections of shadow linking" in w]) == 2
     groups = {light["name"]: light["linking"][1] for light in session.lights if "linking" in light}
-    assert sorted(groups.values()) == list(range(64))
+    assert sorted(groups.values()) == list(range(63))
     names = [session.objects["names"][index] for index in session.objects["name"]]
     masks = session.objects["blocks"].view(np.uint64).reshape(-1)
     blocks = {name: int(mask) for name, mask in zip(names, masks, strict=True)}
-    assert all(blocks[f"T{name[1:]}"] == 1 << group for name, group in groups.items())
+    assert all(blocks[f"T{name[1:]}"] == 1 << 63 | 1 << group for name, group in groups.items())

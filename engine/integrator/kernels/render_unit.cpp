@@ -68,6 +68,7 @@ bool follow_paths(const RenderContext& context, const RenderUnit& unit, Worker& 
             shade_lamps(context, worker, worker.active, active, tile);
             shade_lamps(context, worker, worker.fresh, fresh, tile);
         }
+        if (context.scene->has_blockers) find_linked_light(context, worker, worker.active, active, tile);
 
         int hit_count = 0, missed_count = 0;
         split_hits(worker, worker.active, active, worker.hits, hit_count, worker.missed, missed_count);

@@ -69,9 +69,12 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     int weighted = 0;  // lanes that light sampling might have found
     for (int i = 0; i < span.n; ++i) {
         const Rgb e = load(emitted, i);
-        const bool dark = e.x == 0.0f && e.y == 0.0f && e.z == 0.0f;
+        // find_linked_light brings what others than the camera see of linked emitters.
+        const bool linked =
+            context.scene->has_blockers && !(s.path_flags[i] & shader::kRayCamera) && scene::traits_of(*context.scene, span.object[i]).linking.blockers >= 0;
+        const bool dark = linked || (e.x == 0.0f && e.y == 0.0f && e.z == 0.0f);
         if (!dark && !(s.path_flags[i] & kPathDelta)) s.list[weighted++] = i;
-        s.tmp[i] = 1.0f;
+        s.tmp[i] = linked ? 0.0f : 1.0f;
         // Emitters that do not light what sent the ray are dark for it.
         if (links && s.receiver[i] >= 0 && !((scene::traits_of(*context.scene, span.object[i]).linking.receivers >> s.receiver[i]) & 1)) s.tmp[i] = 0.0f;
     }

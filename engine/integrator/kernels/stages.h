@@ -24,6 +24,9 @@ void add_found_light(const RenderContext& context, Worker& worker, const int32_t
 /// Lamps between the origin and the hit: they emit and let the ray pass.
 void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
 
+/// Emitters with blockers of their own that the listed paths' rays would meet, where something has just scattered them: shadow rays say what arrives.
+void find_linked_light(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
+
 /// World and suns for rays that left the scene; these paths end.
 void shade_background(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile);
 

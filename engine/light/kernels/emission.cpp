@@ -104,7 +104,9 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
         prepare_span(scratch, count);
         shader::ShadingSpan& s = scratch.span;
         s.is_lamp = true;
-        s.lamp_to_world = is_sun ? &table.suns[lamp[first]].to_world : &table.lamps[lamp[first]].to_world;
+        static constexpr Affine kUnturned{};
+        const bool keeps = table.hits_keep_normals && ray_flags && !is_sun && table.lamps[lamp[first]].rect < 0;
+        s.lamp_to_world = keeps ? &kUnturned : is_sun ? &table.suns[lamp[first]].to_world : &table.lamps[lamp[first]].to_world;
         s.lamp_to_object = is_sun ? &table.suns[lamp[first]].to_object : &table.lamps[lamp[first]].to_object;
         gather3(points.p, list, count, s.p);
         gather3(points.normal, list, count, s.n_s);
@@ -122,42 +124,61 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
     }
 }
 
-void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const int32_t* shader,
-                         const int32_t* object, const int32_t* primitive, const float* u, const float* v, ConstColumns3 wo, const float* distance,
-                         const int32_t* depth, const float* time, int n, Columns3 radiance) {
+void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const EmissiveHits& all,
+                         Columns3 radiance) {
+    const int n = all.n;
     uint8_t waiting[kSpan];
-    for (int i = 0; i < n; ++i) waiting[i] = shader[i] >= 0 && !programs.shaders[size_t(shader[i])].emission_is_constant;
+    for (int i = 0; i < n; ++i) waiting[i] = all.shader[i] >= 0 && !programs.shaders[size_t(all.shader[i])].emission_is_constant;
     for (int first = 0; first < n; ++first) {
         if (!waiting[first]) continue;
         int32_t list[kSpan], identity[kSpan], hit_object[kSpan], hit_primitive[kSpan];
-        float hit_t[kSpan], hit_u[kSpan], hit_v[kSpan], hit_time[kSpan], error[kSpan];
+        float hit_t[kSpan], hit_u[kSpan], hit_v[kSpan], hit_time[kSpan], error[kSpan], origin[3][kSpan];
         int count = 0;
         for (int i = first; i < n; ++i) {
-            if (!waiting[i] || shader[i] != shader[first]) continue;
+            if (!waiting[i] || all.shader[i] != all.shader[first]) continue;
             waiting[i] = 0;
             identity[count] = count;
             list[count++] = i;
         }
         prepare_span(scratch, count);
         shader::ShadingSpan& s = scratch.span;
-        gather3(wo, list, count, s.wo);
-        gather(distance, list, count, s.ray_length);
-        gather(time, list, count, hit_time);
-        s.time = hit_time;
-        gather(distance, list, count, hit_t);
-        gather(u, list, count, hit_u);
-        gather(v, list, count, hit_v);
-        gather(object, list, count, hit_object);
-        gather(primitive, list, count, hit_primitive);
-        if (depth) gather(depth, list, count, s.depth);
+        gather3(all.direction, list, count, s.wo);
+        gather(all.distance, list, count, s.ray_length);
+        if (all.time) {
+            gather(all.time, list, count, hit_time);
+            s.time = hit_time;
+        }
+        gather(all.distance, list, count, hit_t);
+        gather(all.u, list, count, hit_u);
+        gather(all.v, list, count, hit_v);
+        gather(all.object, list, count, hit_object);
+        gather(all.primitive, list, count, hit_primitive);
+        if (all.bounces) gather(all.bounces, list, count, s.depth);
+        if (all.ray_flags) gather(all.ray_flags, list, count, s.ray_flags);
+        // Sampled points are on triangles, which do not ask where the ray came from.
+        const bool rays = all.origin.x != nullptr;
+        if (rays) gather3(all.origin, list, count, {origin[0], origin[1], origin[2]});
         const geometry::HitColumns hits{hit_t, hit_u, hit_v, hit_object, hit_primitive};
-        geometry::shade_points(*context.scene, hits, {}, identity, count, s, error);
+        geometry::shade_points(*context.scene, hits, rays ? ConstColumns3{origin[0], origin[1], origin[2]} : ConstColumns3{}, identity, count, s, error);
         s.error = error;
         float r[3][kSpan];
         const Columns3 emission{r[0], r[1], r[2]};
-        evaluate_emission(programs, context, scratch, shader[first], emission);
+        evaluate_emission(programs, context, scratch, all.shader[first], emission);
         for (int k = 0; k < count; ++k) store(radiance, list[k], load(emission, k));
     }
+}
+
+void shade_emissive(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const EmissiveHits& hits,
+                    Columns3 radiance) {
+    float wo[3][kSpan];
+    for (int i = 0; i < hits.n; ++i) {
+        const shader::CompiledShader& compiled = programs.shaders[size_t(hits.shader[i])];
+        store({wo[0], wo[1], wo[2]}, i, -load(hits.direction, i));
+        store(radiance, i, compiled.emission_is_constant ? compiled.constant_emission : Rgb{});
+    }
+    EmissiveHits points = hits;
+    points.direction = {wo[0], wo[1], wo[2]};
+    apply_mesh_programs(programs, context, scratch, points, radiance);
 }
 
 }  // namespace TALBOT_ISA

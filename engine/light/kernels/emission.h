@@ -37,10 +37,9 @@ void evaluate_background(const shader::Programs& programs, const shader::ShaderC
 void apply_lamp_programs(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
                          const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n, Columns3 radiance);
 
-/// Radiance of emissive triangles (object, primitive) at barycentrics (u, v) towards wo at a time, for lanes whose shader has a program.
-void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const int32_t* shader,
-                         const int32_t* object, const int32_t* primitive, const float* u, const float* v, ConstColumns3 wo, const float* distance,
-                         const int32_t* depth, const float* time, int n, Columns3 radiance);
+/// Radiance of emissive surfaces, for lanes whose shader has a program. Here `direction` points to whom they light.
+void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const EmissiveHits& hits,
+                         Columns3 radiance);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light

@@ -37,16 +37,18 @@ TALBOT_INLINE float hit_lamp(const Lamp& lamp, const Rect& rect, Vec3 o, Vec3 d)
 }
 
 template <EmitterKind kind>
-TALBOT_INLINE void intersect_lamp(const EmitterView& table, int32_t index, ConstColumns3 origin, ConstColumns3 direction, const float* __restrict t_min,
-                                  const int32_t* __restrict visibility, int n, int32_t* __restrict emitter, float* __restrict t) {
+TALBOT_INLINE void intersect_lamp(const EmitterView& table, int32_t index, Met met, ConstColumns3 origin, ConstColumns3 direction,
+                                  const float* __restrict t_min, const int32_t* __restrict visibility, int n, int32_t* __restrict emitter,
+                                  float* __restrict t) {
     const Lamp lamp = table.lamps[index];
+    const int32_t seen_by = met == Met::Linked ? lamp.linked_visibility : lamp.hit_visibility;
     const Rect rect = lamp.rect >= 0 ? table.rects[lamp.rect] : Rect{};
     ConstColumn ox = origin.x, oy = origin.y, oz = origin.z, dx = direction.x, dy = direction.y, dz = direction.z;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const float hit = hit_lamp<kind>(lamp, rect, {ox[i], oy[i], oz[i]}, {dx[i], dy[i], dz[i]});
         const float between = minf(hit - t_min[i], t[i] - hit);
-        const float nearer = (visibility[i] & lamp.hit_visibility) != 0 ? between : 0.0f;
+        const float nearer = (visibility[i] & seen_by) != 0 ? between : 0.0f;
         t[i] = nearer > 0.0f ? hit : t[i];
         emitter[i] = nearer > 0.0f ? index : emitter[i];
     }
@@ -55,8 +57,11 @@ TALBOT_INLINE void intersect_lamp(const EmitterView& table, int32_t index, Const
 }  // namespace
 
 void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
-                     int32_t* emitter, float* t, const float* t_min) {
+                     int32_t* emitter, float* t, const float* t_min, Met met) {
     const EmitterView& table = table_.view;
+    const bool linked = met == Met::Linked;
+    const int32_t* lamps = linked ? table.linked_lamps : table.visible_lamps;
+    const int count = linked ? table.linked_lamp_count : table.visible_lamp_count;
     for (int begin = 0; begin < n; begin += kSpan) {
         const int m = n - begin < kSpan ? n - begin : kSpan;
         const ConstColumns3 o(origin.x + begin, origin.y + begin, origin.z + begin), d(direction.x + begin, direction.y + begin, direction.z + begin);
@@ -67,17 +72,17 @@ void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColu
             start[i] = t_min ? t_min[begin + i] : 0.0f;
             found[i] = -1;
         }
-        for (int k = 0; k < table.visible_lamp_count; ++k) {
-            const int32_t index = table.visible_lamps[k];
+        for (int k = 0; k < count; ++k) {
+            const int32_t index = lamps[k];
             switch (EmitterKind(table.lamps[index].kind)) {
                 case EmitterKind::Rect:
-                    intersect_lamp<EmitterKind::Rect>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    intersect_lamp<EmitterKind::Rect>(table, index, met, o, d, start, visibility + begin, m, found, nearest);
                     break;
                 case EmitterKind::FacingDisk:
-                    intersect_lamp<EmitterKind::FacingDisk>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    intersect_lamp<EmitterKind::FacingDisk>(table, index, met, o, d, start, visibility + begin, m, found, nearest);
                     break;
                 default:
-                    intersect_lamp<EmitterKind::Sphere>(table, index, o, d, start, visibility + begin, m, found, nearest);
+                    intersect_lamp<EmitterKind::Sphere>(table, index, met, o, d, start, visibility + begin, m, found, nearest);
                     break;
             }
         }
@@ -142,7 +147,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
             store({wo[0], wo[1], wo[2]}, j, -d);
             store({normal[0], normal[1], normal[2]}, j, facing);
             const float value = shape * probability[j];
-            pdf[lane[j]] = has_own_blockers(lamp.blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;
+            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
         }
         if (table.has_lamp_programs) {
             const LampPoints points{{p[0], p[1], p[2]}, {normal[0], normal[1], normal[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
@@ -153,13 +158,14 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
 }
 
 void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* receiver) {
+                const int32_t* receiver, int linked) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) store(radiance, i, {});
-    for (int k = 0; k < table.sun_count; ++k) {
+    for (int k = linked < 0 ? 0 : linked, end = linked < 0 ? table.sun_count : linked + 1; k < end; ++k) {
         const Sun sun = table.suns[k];
-        if (sun.hit_visibility == 0 || sun.one_minus_cos == 0.0f) continue;
-        const float pdf = has_own_blockers(sun.blockers) ? 1e30f : sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
+        const int32_t seen_by = linked < 0 ? sun.hit_visibility : sun.linked_visibility;
+        if (seen_by == 0 || sun.one_minus_cos == 0.0f) continue;
+        const float pdf = sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
         const float tangent = sun.tangent_profile ? 1.0f : 0.0f;
         float scale[kSpan];  // of the density; negative where the sun does not shine on the receiver
         fill(scale, n, 1.0f);
@@ -172,7 +178,7 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             // 1 - cos from the difference of the directions: exact for small discs.
             const Vec3 apart{dx[i] - sun.direction.x, dy[i] - sun.direction.y, dz[i] - sun.direction.z};
             const float drop = 0.5f * dot(apart, apart);
-            const float facing = (visibility[i] & sun.hit_visibility) != 0 ? sun.one_minus_cos - drop : -1.0f;
+            const float facing = (visibility[i] & seen_by) != 0 ? sun.one_minus_cos - drop : -1.0f;
             const float seen = minf(facing, scale[i]);
             const float own = bsdf_pdf[i], ratio = pdf * scale[i] / maxf(own, 1e-20f);
             const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
@@ -183,6 +189,14 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             b[i] += sun.power.z * f;
         }
     }
+}
+
+int32_t lamp_blockers(const EmitterTable& table, int32_t lamp) {
+    return table.view.lamps[lamp].blockers;
+}
+
+int32_t sun_blockers(const EmitterTable& table, int32_t sun) {
+    return table.view.suns[sun].blockers;
 }
 
 }  // namespace TALBOT_ISA

@@ -47,7 +47,7 @@ void pdf_triangles(const EmitterTable& table_, const scene::SceneView& scene, Co
                     view.height * side < 0.0f ? 0.0f : pdf_triangle(view, distance) * leaf_probability(table.nodes, own.leaf, mesh_query(mesh, to_world, o));
             }
             const float value = shape * probability[j];
-            pdf[lane[j]] = has_own_blockers(table.meshes[e.mesh].blockers) ? as_float(0x7f800000) : value < 1e30f ? value : 0.0f;
+            pdf[lane[j]] = value < 1e30f ? value : 0.0f;
         }
     }
 }

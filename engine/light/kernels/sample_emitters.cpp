@@ -131,7 +131,7 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         store(out.radiance, i, s.power * profile);
         out.distance[i] = infinite;
         out.pdf[i] = query.bounce[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
-        out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility) || has_own_blockers(s.blockers);
+        out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility, s.linked_visibility);
         out.blockers[i] = s.blockers;
         out.visibility[i] = s.visibility;
         store({wo[0], wo[1], wo[2]}, i, -wi);

@@ -15,7 +15,7 @@ TALBOT_INLINE void describe_lamp(const EmitterView& table, int32_t index, bool i
     out.visibility[i] = lamp.visibility;
     out.blockers[i] = lamp.blockers;
     out.max_bounces[i] = lamp.max_bounces;
-    out.only_sampled[i] = is_delta || has_own_blockers(lamp.blockers) || is_only_sampled(lamp.hit_visibility);
+    out.only_sampled[i] = is_delta || is_only_sampled(lamp.hit_visibility, lamp.linked_visibility);
 }
 
 TALBOT_INLINE void describe_mesh(const MeshEmitter& mesh, int i, LocalSampled& out) {
@@ -24,7 +24,7 @@ TALBOT_INLINE void describe_mesh(const MeshEmitter& mesh, int i, LocalSampled& o
     out.visibility[i] = mesh.visibility;
     out.blockers[i] = mesh.blockers;
     out.max_bounces[i] = INT32_MAX;
-    out.only_sampled[i] = has_own_blockers(mesh.blockers);
+    out.only_sampled[i] = 0;
 }
 
 template <EmitterKind kind>
@@ -205,8 +205,9 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     if (!table.has_mesh_programs) return;
     float wo[3][kSpan];
     for (int i = 0; i < n; ++i) store({wo[0], wo[1], wo[2]}, i, {-out.x[i], -out.y[i], -out.z[i]});
-    apply_mesh_programs(programs, context, scratch, shader, out.object, primitive, out.coordinate_u, out.coordinate_v, {wo[0], wo[1], wo[2]}, out.distance,
-                        in.depth, in.time, n, {out.r, out.g, out.b});
+    const ConstColumns3 to_point{wo[0], wo[1], wo[2]};
+    const EmissiveHits hits{{}, to_point, out.distance, out.coordinate_u, out.coordinate_v, out.object, primitive, shader, nullptr, in.depth, in.time, n};
+    apply_mesh_programs(programs, context, scratch, hits, {out.r, out.g, out.b});
 }
 
 }  // namespace TALBOT_ISA

@@ -38,9 +38,9 @@ void sample_rects(const EmitterView& table, const shader::Programs& programs, co
 void sample_meshes(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
                    const LocalGroup& in, LocalSampled& out);
 
-/// Scattered rays never hit such a lamp (its MIS is switched off): its light samples bring all of its light.
-TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility) {
-    return (hit_visibility & int32_t(scene::kVisibleAll) & ~int32_t(scene::kVisibleCamera)) == 0;
+/// Scattered rays never hit such a lamp or sun (its MIS is switched off): its light samples bring all of its light.
+TALBOT_INLINE bool is_only_sampled(int32_t hit_visibility, int32_t linked_visibility) {
+    return ((hit_visibility | linked_visibility) & int32_t(scene::kVisibleAll) & ~int32_t(scene::kVisibleCamera)) == 0;
 }
 
 /// Where a picture's (x, y) lie as shaders get it: they read 1 - u - v and u, as on triangles.

@@ -89,19 +89,40 @@ TEST(Links, ManyLamps) {
     }
 }
 
-TEST(Links, OwnBlockersLeaveAllToTheSamples) {
+/// Paths do not meet a lamp with blockers of its own, but from the camera; the rays that look for it do.
+TEST(Links, OwnBlockersNeedRaysOfTheirOwn) {
     Fixture f;
     f.add_light(LightType::Point, 10, {0, 0, 1}).radius = 0.2f;
     f.scene.lights[0].soft_falloff = false;
     f.scene.lights[0].linking.blockers = 40;
+    f.add_light(LightType::Sun, 10, {0, 0, 1}).sun_angle = 0.2f;
+    f.scene.lights[1].linking.blockers = 41;
     f.build();
     sample_many(f, Stratum::Local, {}, 64, [&](const Samples& s, int n) {
         for (int i = 0; i < n; ++i) {
-            EXPECT_TRUE(s.is_delta[i]);
+            EXPECT_FALSE(s.is_delta[i]);
             EXPECT_EQ(scene::blocker_group(uint32_t(s.blockers[i])), 40);
         }
     });
-    EXPECT_TRUE(std::isinf(meet(f, {}, {0, 0, 1}).pdf));
+    const EmitterSummary summary = summarize(*f.table);
+    EXPECT_TRUE(summary.has_linked_lamps);
+    EXPECT_EQ(summary.linked_suns, std::vector<int32_t>{0});
+    EXPECT_EQ(scene::blocker_group(uint32_t(lamp_blockers(*f.table, 0))), 40);
+    EXPECT_EQ(scene::blocker_group(uint32_t(sun_blockers(*f.table, 0))), 41);
+    float o[3] = {}, d[3] = {0, 0, 1}, rgb[3];
+    const float far = 1e9f, delta = -1;
+    for (const int32_t visible : {int32_t(scene::kVisibleCamera), int32_t(scene::kVisibleGlossy)}) {
+        const bool camera = visible == scene::kVisibleCamera;
+        for (const bool linked : {false, true}) {
+            int32_t lamp = 0;
+            float t = 0;
+            intersect_lamps(*f.table, {o, o + 1, o + 2}, {d, d + 1, d + 2}, &far, &visible, 1, &lamp, &t, nullptr,
+                            linked ? light::Met::Linked : light::Met::ByPaths);
+            EXPECT_EQ(lamp, camera == linked ? -1 : 0);
+            shade_suns(*f.table, {d, d + 1, d + 2}, &visible, &delta, 1, {rgb, rgb + 1, rgb + 2}, nullptr, linked ? 0 : -1);
+            EXPECT_EQ(rgb[0] > 0, camera != linked);
+        }
+    }
 }
 
 }  // namespace

@@ -1,11 +1,14 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 
 #include "base/sobol.h"
+#include "session/old_dump.h"
 #include "session/session.h"
 
 using namespace talbot;
@@ -91,7 +94,7 @@ Scene make_scene() {
     object.linking = 0;
     object.receiver_set = 63;
     object.blocks = uint64_t(1) << 63;
-    scene.linkings = {{5, 63}};
+    scene.linkings = {{5, 62}};
     object.is_instance = object.is_holdout = object.is_shadow_catcher = true;
     object.shadow_terminator_shading_offset = 0.3f;
     object.shadow_terminator_geometry_offset = 0.4f;
@@ -293,6 +296,49 @@ TEST(Dump, ImageFilesTravelAlong) {
     EXPECT_EQ(loaded.images[0]->path, image.path);
     EXPECT_TRUE(loaded.images[1]->bytes.empty());
     EXPECT_EQ(loaded.images[1]->path, absent.path);
+}
+
+/// Until version 7 blocker groups were bits of masks and visibility; until 10 there were 64, and nothing was said of whom they are chosen among.
+TEST(Dump, BlockersOfOlderFiles) {
+    const Folder folder;
+    const std::string digits = tests::kOldDump;
+    std::vector<char> old;
+    for (size_t i = 0; i < digits.size(); i += 2) old.push_back(char(std::stoi(digits.substr(i, 2), nullptr, 16)));
+    const auto replace = [](std::vector<char>& file, uint64_t receivers, int32_t before, int32_t now) {
+        char bytes[12];
+        std::memcpy(bytes, &receivers, 8);
+        std::memcpy(bytes + 8, &before, 4);
+        const auto found = std::search(file.begin(), file.end(), bytes, bytes + 12);
+        ASSERT_NE(found, file.end());
+        std::memcpy(&*found + 8, &now, 4);
+    };
+    std::vector<char> eighth = old;
+    replace(eighth, 3, 61, 63);
+    write(folder.file("a"), eighth);
+    const Scene scene = load_scene(folder.file("a"));
+    ASSERT_EQ(scene.traits.size(), 1u);
+    EXPECT_EQ(scene.traits[0].blocks, 0x0123456789abcde5u);
+    EXPECT_EQ(scene.traits[0].visibility, 37u);
+    EXPECT_EQ(scene.linkings[0].blockers, -1);
+    EXPECT_EQ(scene.linkings[0].receivers, 3u);
+    EXPECT_EQ(scene.linkings[1].blockers, 62);
+    EXPECT_EQ(scene.lights[0].linking.blockers, 4);
+
+    std::vector<char> seventh = old;
+    seventh[8] = 7;
+    const uint32_t visibility = 37u | 1u << (8 + 2) | 1u << (8 + 16);
+    std::memcpy(&seventh[tests::kOldVisibility], &visibility, 4);
+    seventh.erase(seventh.begin() + tests::kOldBlocks, seventh.begin() + tests::kOldBlocks + 8);
+    replace(seventh, 3, 61, 1 << (8 + 16));
+    replace(seventh, 1, 62, int32_t(kVisibleShadow));
+    replace(seventh, 7, 4, 1 << (8 + 2));
+    write(folder.file("a"), seventh);
+    const Scene older = load_scene(folder.file("a"));
+    EXPECT_EQ(older.traits[0].visibility, 37u);
+    EXPECT_EQ(older.traits[0].blocks, uint64_t(1) << 2 | uint64_t(1) << 16);
+    EXPECT_EQ(older.linkings[0].blockers, 16);
+    EXPECT_EQ(older.linkings[1].blockers, -1);
+    EXPECT_EQ(older.lights[0].linking.blockers, 2);
 }
 
 TEST(Dump, TruncatedIsAnError) {
