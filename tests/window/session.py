@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
+from mathutils import Euler
 
 OUTPUT = Path(sys.argv[sys.argv.index("--") + 1])
 FAILED: list[str] = []
@@ -123,6 +124,58 @@ def viewport_steps() -> Iterator[float]:
     yield 1.0
     space.shading.type = "RENDERED"
     yield 2.0
+
+
+def set_adaptive(obj: bpy.types.Object, on: bool) -> None:
+    """Adaptive subdivision: a switch of the object with the experimental features, later of the modifier."""
+    if hasattr(obj.modifiers[-1], "use_adaptive_subdivision"):
+        obj.modifiers[-1].use_adaptive_subdivision = on
+    else:
+        bpy.context.scene.cycles.feature_set = "EXPERIMENTAL"
+        obj.cycles.use_adaptive_subdivision = on
+
+
+def subdivision_steps() -> Iterator[float]:
+    """Adaptive subdivision on, off and on again, with the view near, far and turned; then Simplify's culling."""
+    scene, view, obj = bpy.context.scene, area("VIEW_3D"), subject()
+    region = view.spaces.active.region_3d
+    region.view_perspective = "PERSP"
+    region.view_location, region.view_distance = obj.location, 6.0
+    yield 3.0
+    shot("subdivision_1_plain")
+    obj.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    set_adaptive(obj, True)
+    what = "adaptive subdivision changes the viewport"
+    yield from wait_for_change(view, "subdivision_1_plain", "subdivision_2_adaptive", what)
+    for step in range(12):
+        set_adaptive(obj, step % 2 == 0)
+        region.view_distance *= 0.8 if step < 6 else 1.25
+        region.view_rotation.rotate(Euler((0.0, 0.0, 0.3)))
+        if step == 7:
+            scene.cycles.preview_dicing_rate = 4.0
+        if step == 9:
+            obj.modifiers[-1].show_viewport = False
+        yield 0.3
+    obj.modifiers[-1].show_viewport = True
+    set_adaptive(obj, True)
+    yield 3.0
+    shot("subdivision_3_turned")
+    scene.render.use_simplify = True
+    scene.cycles.use_distance_cull, scene.cycles.distance_cull_margin = True, 0.1
+    obj.cycles.use_distance_cull = True
+    obj.location.x += 0.01
+    yield from wait_for_change(view, "subdivision_3_turned", "subdivision_4_culled", "what is far away is left out")
+    scene.cycles.use_camera_cull = True
+    for _ in range(4):
+        obj.cycles.use_camera_cull = not obj.cycles.use_camera_cull
+        obj.cycles.use_distance_cull = not obj.cycles.use_distance_cull
+        region.view_rotation.rotate(Euler((0.3, 0.0, 0.5)))
+        obj.location.x -= 0.01
+        yield 0.5
+    scene.render.use_simplify = False
+    obj.modifiers.remove(obj.modifiers[-1])
+    yield 3.0
+    shot("subdivision_5_done")
 
 
 def two_viewports() -> Iterator[float]:
@@ -242,6 +295,7 @@ def all_steps() -> Iterator[float]:
     bpy.context.scene.render.engine = "TALBOT"
     yield 0.5
     yield from viewport_steps()
+    yield from subdivision_steps()
     yield from two_viewports()
     yield from render_steps()
     yield from panel_steps()
