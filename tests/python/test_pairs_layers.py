@@ -139,6 +139,21 @@ def test_overrides_of_a_layer(pair_scene: Any, tmp_path: Path, what: str) -> Non
     agree(pair_scene, tmp_path, samples=512, bounds=Bounds(0.01, 0.06))
 
 
+def test_background_scene(pair_scene: Any, tmp_path: Path) -> None:
+    """Objects and lamps of another scene behind this one; its world does not count."""
+    other = bpy.data.scenes.new("Set")
+    for obj in stage(pair_scene)[1:]:
+        pair_scene.collection.objects.unlink(obj)
+        other.collection.objects.link(obj)
+    lamp = add_lamp("POINT", 60, (-2.0, -1.0, 2.0), shadow_soft_size=0.3)
+    pair_scene.collection.objects.unlink(lamp)
+    other.collection.objects.link(lamp)
+    own = pair_scene.world
+    other.world = set_world(pair_scene, (3.0, 0.1, 0.1))
+    pair_scene.world, pair_scene.background_set = own, other
+    agree(pair_scene, tmp_path, samples=512, bounds=Bounds(0.01, 0.06))
+
+
 def test_portals(pair_scene: Any, tmp_path: Path) -> None:
     """A room with one window, and a portal in it: light of the sky, however it is sampled."""
     look_at(pair_scene, (0.0, -1.4, 1.0), (0.0, 1.0, 0.8), 20.0)

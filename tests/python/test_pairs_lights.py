@@ -212,6 +212,53 @@ def test_photometric_lamps(pair_scene: Any, tmp_path: Path) -> None:
     agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.08))
 
 
+@pytest.mark.parametrize("output", ["Quadratic", "Linear", "Constant"])
+def test_falloff(pair_scene: Any, tmp_path: Path, output: str) -> None:
+    """Light Falloff on lamps and on a panel, with and without smoothing."""
+    lamps = [
+        lamp("POINT", 4, shadow_soft_size=0.1),
+        lamp("SPOT", 9, spot_size=1.5, shadow_soft_size=0.05),
+        lamp("AREA", 3, shape="SQUARE", size=0.3),
+    ]
+    rooms(pair_scene, lamps)
+
+    def falloff(tree: Any, smooth: float) -> Any:
+        return tree("LightFalloff", Strength=1.5, Smooth=smooth).outputs[output]
+
+    for number, light in enumerate(bpy.data.lights):
+        tree = node_tree(light)
+        tree("OutputLight", Surface=tree("Emission", Strength=falloff(tree, 0.2 * number)))
+    panel = material(lambda tree: tree("Emission", Strength=falloff(tree, 0.1)))
+    add_plane(panel, 0.3, location=(0.5, 0.5, 0.6), rotation=(3.1, 0.0, 0.0)).visible_camera = False
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.02, 0.08))
+
+
+@pytest.mark.parametrize("kind", ["lamps", "triangles", "panels"])
+def test_many(pair_scene: Any, tmp_path: Path, kind: str) -> None:
+    """As many emitters as a tree chooses among."""
+    look_at(pair_scene, (0, -9, 6), (0, 0, 0), 40.0)
+    add_plane(diffuse(), 12.0)
+    random = np.random.default_rng(7)
+    for x, y in random.uniform(-4, 4, (8, 2)):
+        add_box(diffuse(), (0.8, 0.8, 1.2), location=(x, y, 0.6))
+    places = np.append(random.uniform(-5, 5, (150, 2)), random.uniform(0.4, 2.0, (150, 1)), axis=1)
+    if kind == "triangles":
+        corners = (places[:, None] + random.normal(0, 0.1, (150, 3, 3))).reshape(-1, 3)
+        add_mesh(corners, np.arange(450).reshape(-1, 3), glow(1.0, 15.0)).visible_camera = False
+    for place in places if kind != "triangles" else ():
+        color, strength = random.uniform(0.2, 1.0, 3), random.lognormal()
+        if kind == "lamps":
+            add_lamp("POINT", 4 * strength, place, shadow_soft_size=0.05, color=color)
+        else:
+            panel = add_plane(glow(tuple(color), 6 * strength), 0.2, location=place, rotation=random.uniform(-3, 3, 3))
+            panel.visible_camera = False
+    pair_scene.cycles.max_bounces = 1
+    # 3.4 chooses among them all alike.
+    bounds = Bounds(0.02, 0.15) if bpy.app.version >= (3, 5, 0) else Bounds(0.04, 0.3)
+    agree(pair_scene, tmp_path, samples=96, bounds=bounds)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.2, 1.5])
 def test_sun(pair_scene: Any, tmp_path: Path, angle: float) -> None:
     """Half of the ground is glossy and sees the disc."""
