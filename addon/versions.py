@@ -20,6 +20,12 @@ def has_long_pass_names() -> bool:
     return bpy.app.version >= (5, 0, 0)
 
 
+def flat_faces_split_normals() -> bool:
+    """Whether flat faces alone keep smooth ones beside them from sharing their normals in Cycles, as in Blender. Up to
+    5.1 it took sharp edges or custom normals. No RNA tells, so the number decides."""
+    return bpy.app.version >= (5, 2, 0)
+
+
 class CyclesSettings:
     """The settings Cycles keeps in a datablock (`.cycles`), readable with or without the Cycles add-on.
 

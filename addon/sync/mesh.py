@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..versions import flat_faces_split_normals
 from .context import (
     ACTIVE_COLOR,
     ACTIVE_TANGENT,
@@ -113,11 +114,20 @@ def face_smooth(mesh: Any) -> NDArray[np.uint8]:
     return np.logical_not(read_column(sharp.data, "value", faces, np.bool_)).view(np.uint8)
 
 
+def _has_sharp_edges(mesh: Any) -> bool:
+    sharp = mesh.attributes.get("sharp_edge")
+    if sharp is None or sharp.domain != "EDGE":
+        return False
+    return bool(read_column(sharp.data, "value", len(mesh.edges), np.bool_).any())
+
+
 def read_normals(mesh: Any, arrays: dict[str, Any]) -> None:
     """Vertex normals where faces are smooth; corner normals only where sharp edges or custom normals
     make them differ."""
     if hasattr(mesh, "corner_normals"):
-        split = mesh.normals_domain == "CORNER"
+        split = mesh.normals_domain == "CORNER" and (
+            flat_faces_split_normals() or mesh.has_custom_normals or _has_sharp_edges(mesh)
+        )
         if mesh.normals_domain == "FACE":  # all edges are sharp
             arrays["face_smooth"] = np.zeros(len(mesh.polygons), dtype=np.uint8)
         if split:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 from pair_scenes import (
@@ -24,7 +25,7 @@ from pair_scenes import (
     set_world,
     sphere_shape,
 )
-from pairs import Bounds, agree
+from pairs import ALLOWANCE, Bounds, agree
 
 Build = Callable[[Tree], Any]
 
@@ -102,8 +103,9 @@ def test_methods(pair_scene: Any, tmp_path: Path) -> None:
     ):
         ball(displacing(method, along_normal(Scale=0.15)), smooth, location=places[number])
     lit(pair_scene)
-    # A noise between two vertices, a slope over each engine's own step.
-    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.02, 0.05, 0.02))
+    # Both on flat faces, before 5.0: 1 % brighter than in Cycles.
+    systematic = ALLOWANCE if bpy.app.version >= (5, 0, 0) else 0.008
+    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.03, systematic))
 
 
 def test_spaces(pair_scene: Any, tmp_path: Path) -> None:
@@ -127,7 +129,7 @@ def test_spaces(pair_scene: Any, tmp_path: Path) -> None:
         obj = shape(displacing("DISPLACEMENT", build), location=places[number], rotation=(0.3, 0.2 * number, 0.1))
         obj.scale = scale
     lit(pair_scene)
-    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04, 0.004))
+    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04))
 
 
 def test_what_surfaces_see(pair_scene: Any, tmp_path: Path) -> None:
@@ -147,7 +149,7 @@ def test_what_surfaces_see(pair_scene: Any, tmp_path: Path) -> None:
     ball(displacing("DISPLACEMENT", along_normal(), seen("Object")), location=places[1])
     sheet(displacing("DISPLACEMENT", from_image, seen("UV")), location=places[2], rotation=(0.7, 0, 0))
     sheet(displacing("DISPLACEMENT", from_image, geometry), location=places[3], rotation=(0.7, 0, 0))
-    agree(pair_scene, tmp_path, samples=48, cells=2, bounds=Bounds(0.01, 0.04, 0.004))
+    agree(pair_scene, tmp_path, samples=48, cells=2, bounds=Bounds(0.01, 0.04))
 
 
 def test_parts_and_instances(pair_scene: Any, tmp_path: Path) -> None:
@@ -168,7 +170,7 @@ def test_parts_and_instances(pair_scene: Any, tmp_path: Path) -> None:
     twin.material_slots[0].material = displacing("DISPLACEMENT", along_normal(Scale=0.5))
     add_plane(diffuse(0.4), 4.0, location=(0, 0, -0.3))
     lit(pair_scene)
-    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.01, 0.05, 0.01))
+    agree(pair_scene, tmp_path, samples=64, bounds=Bounds(0.01, 0.05))
 
 
 def test_light_of_displaced_emitters(pair_scene: Any, tmp_path: Path) -> None:
@@ -201,4 +203,4 @@ def test_motion(pair_scene: Any, tmp_path: Path, smooth: bool) -> None:
     add_plane(glow(0.3), 3.0, location=(0, 0, -1))
     lit(pair_scene)
     pair_scene.frame_set(1)
-    agree(pair_scene, tmp_path, samples=96, bounds=Bounds(0.01, 0.05, 0.01))
+    agree(pair_scene, tmp_path, samples=96, bounds=Bounds(0.01, 0.05))

@@ -151,7 +151,7 @@ def test_what_becomes_a_mesh(pair_scene: Any, tmp_path: Path, shown: str) -> Non
         set_world(pair_scene, (0.2, 0.25, 0.3))
         pair_scene.cycles.max_bounces = 1
     # Thin things: where the samples lie in a pixel makes the noise.
-    agree(pair_scene, tmp_path, samples=128, batches=8, cells=3, bounds=Bounds(0.01, 0.05, 0.004))
+    agree(pair_scene, tmp_path, samples=128, batches=8, cells=3, bounds=Bounds(0.01, 0.05))
 
 
 def test_normals_under_uneven_scale(pair_scene: Any, tmp_path: Path) -> None:
@@ -376,4 +376,4 @@ def test_shadow_terminator(pair_scene: Any, tmp_path: Path) -> None:
     add_plane(diffuse(0.5), 6.0, location=(0, 0, -0.5))
     add_lamp("SUN", 3.0, (4, -1, 2), toward=(0, 0, 0), angle=0.05)
     pair_scene.cycles.max_bounces = 0
-    agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.05, 0.004))
+    agree(pair_scene, tmp_path, samples=64, batches=8, bounds=Bounds(0.01, 0.05))

@@ -100,7 +100,7 @@ def test_shapes(pair_scene: Any, tmp_path: Path) -> None:
     bent.modifiers.new("Twist", "SIMPLE_DEFORM").angle = 1.0
     adaptive(bent)
     fine(pair_scene)
-    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04, 0.01))
+    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04, 0.002))
 
 
 def test_coordinates(pair_scene: Any, tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_coordinates(pair_scene: Any, tmp_path: Path) -> None:
                 value.vector = color
         adaptive(obj)
     fine(pair_scene)
-    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04, 0.01))
+    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.04))
 
 
 def test_displaced(pair_scene: Any, tmp_path: Path) -> None:
@@ -159,7 +159,8 @@ def test_displaced(pair_scene: Any, tmp_path: Path) -> None:
     adaptive(cube(rough(3.0, 0.4), 0.5, location=(-0.6, 0, 0.5)))
     adaptive(cube(rough(2.0, 0.4), 0.5, location=(0.8, 1.5, 0.5)))
     fine(pair_scene, 0.5)
-    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.015, 0.05, 0.015))
+    # The diced triangles are each engine's own.
+    agree(pair_scene, tmp_path, samples=48, cells=3, bounds=Bounds(0.01, 0.05, 0.004))
 
 
 def test_coarse(pair_scene: Any, tmp_path: Path) -> None:
@@ -175,7 +176,7 @@ def test_coarse(pair_scene: Any, tmp_path: Path) -> None:
         modifier.adaptive_object_edge_length = 0.05
     fine(pair_scene, 1.0)
     pair_scene.cycles.max_subdivisions = 4
-    agree(pair_scene, tmp_path, samples=48, cells=2, bounds=Bounds(0.02, 0.06, 0.02))
+    agree(pair_scene, tmp_path, samples=48, cells=2, bounds=Bounds(0.01, 0.04))
 
 
 def test_emission(pair_scene: Any, tmp_path: Path) -> None:
@@ -184,4 +185,4 @@ def test_emission(pair_scene: Any, tmp_path: Path) -> None:
     adaptive(cube(glow(3.0), 0.3, location=(0, 0, 0.7)))
     add_mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], diffuse())
     fine(pair_scene, 1.0)
-    agree(pair_scene, tmp_path, samples=64, cells=3, bounds=Bounds(0.01, 0.05, 0.01))
+    agree(pair_scene, tmp_path, samples=64, cells=3, bounds=Bounds(0.01, 0.05))
