@@ -280,6 +280,25 @@ TEST(Dump, KnowsEveryField) {
 }
 #endif
 
+// Written by a Talbot whose objects were one record each (version 8): two alike and one that moves.
+TEST(Dump, ObjectsBeforeVersion10) {
+    const Scene scene = load_scene(TALBOT_SOURCE_DIR "/tests/engine/session/data/objects_8.talbot");
+    ASSERT_EQ(scene.objects.size(), 3u);
+    ASSERT_EQ(scene.traits.size(), 2u) << "those that are alike share";
+    EXPECT_EQ(scene.object_names[size_t(scene.traits[0].name)], "Twin");
+    EXPECT_TRUE(scene.traits[0].is_instance);
+    EXPECT_FALSE(scene.traits[1].is_instance);
+    EXPECT_EQ(scene.traits[1].pass_index, 4);
+    for (size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(scene.objects[i].traits, i < 2 ? 0 : 1);
+        EXPECT_EQ(scene.objects[i].random, 7 + i);
+        EXPECT_EQ(scene.objects[i].to_world.m[0][3], float(i));
+    }
+    ASSERT_EQ(scene.duplis.size(), 3u);
+    EXPECT_EQ(scene.duplis[1].uv.x, 0.5f);
+    EXPECT_EQ(scene.motion.of_objects, (std::vector<Handle>{kNone, kNone, 0}));
+}
+
 TEST(Dump, ImageFilesTravelAlong) {
     const Folder folder;
     write(folder.file("wall.png"), {'p', 'n', 'g'});
