@@ -13,8 +13,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from pair_scenes import Builder, Tree, add_plane, find_input, look_at, material, node_tree
-from pairs import render, stacked
+from pair_scenes import Builder, Tree, add_lamp, add_plane, find_input, look_at, material, node_tree
+from pairs import Bounds, agree, render, stacked
 from test_pairs_closures import OLD, node, principled, show_values
 
 
@@ -131,3 +131,21 @@ def test_closures_with_bent_normals(pair_scene: Any, tmp_path: Path, degrees: fl
     builders = [bent(build, degrees) for build in CLOSURES]
     pair_scene.render.resolution_x = pair_scene.render.resolution_y = 40
     show_values(pair_scene, tmp_path, builders, 5)
+
+
+def test_bump_in_a_panorama(pair_scene: Any, tmp_path: Path) -> None:
+    """In 3.4 the slope is taken over a step that grows with the size of a pixel, however near the surface is."""
+    camera = look_at(pair_scene, (0.0, -2.0, 1.5), (0.0, 0.0, 0.0)).data
+    camera.type = "PANO"
+    holder = camera if hasattr(camera, "panorama_type") else camera.cycles
+    holder.panorama_type = "EQUIRECTANGULAR"
+
+    def build(tree: Tree) -> Any:
+        height = tree("TexNoise", Vector=tree("TexCoord").outputs["Object"], Scale=8.0, Detail=1.0)
+        return tree("BsdfDiffuse", Normal=tree("Bump", Distance=0.1, Height=height.outputs[0]))
+
+    add_plane(material(build), 8.0)
+    add_lamp("SUN", 3.0, (3, 2, 4), toward=(0, 0, 0), angle=0.0)
+    pair_scene.render.resolution_x, pair_scene.render.resolution_y = 40, 20
+    pair_scene.cycles.max_bounces = 0
+    agree(pair_scene, tmp_path, samples=128, batches=8, bounds=Bounds(0.005, 0.03))

@@ -319,7 +319,10 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
     PathColumns& paths = worker.paths;
     const Vec2 pixel{float(unit.pixel_size) / float(settings.width), float(unit.pixel_size) / float(settings.height)};
     const bool orthographic = camera.type == scene::CameraType::Orthographic;
-    const float pixel_extent = 0.5f * (std::fabs(camera.view[1] - camera.view[0]) * pixel.x + std::fabs(camera.view[3] - camera.view[2]) * pixel.y);
+    // Wide at once: parallel rays, and in 3.4 those of panoramas, by a pixel of a picture one metre wide (bump takes its slope over that).
+    const bool wide_panorama = camera.type == scene::CameraType::Panoramic && settings.version < 402;
+    const Vec2 view = wide_panorama ? Vec2{1, 1} : Vec2{std::fabs(camera.view[1] - camera.view[0]), std::fabs(camera.view[3] - camera.view[2])};
+    const float pixel_extent = orthographic || wide_panorama ? 0.5f * (view.x * pixel.x + view.y * pixel.y) : 0.0f;
     const bool lens = camera.aperture_radius > 0.0f;
     const bool moves = context.scene->has_motion;
     const scene::Motion& motion = *context.scene->motion;
@@ -355,7 +358,7 @@ int generate_paths(const RenderContext& context, const RenderUnit& unit, int64_t
             paths.min_pdf[lane] = 3.0e38f;
             paths.mis_t[lane] = 0.0f;
             paths.cone_spread[lane] = next.spread[i];
-            paths.cone_width[lane] = orthographic ? pixel_extent : next.spread[i] * next.near[i];
+            paths.cone_width[lane] = pixel_extent + next.spread[i] * next.near[i];
             paths.pixel[lane] = next.pixel[i];
             paths.key[lane] = next.key[i];
             if (moves) paths.time[lane] = next.time[i];
