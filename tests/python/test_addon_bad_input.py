@@ -89,6 +89,32 @@ def test_links_in_a_circle(scene: bpy.types.Scene) -> None:
     assert any("Math" in line and "closes a circle" in line for line in lines(scene))
 
 
+def test_group_nodes_without_groups(scene: bpy.types.Scene) -> None:
+    """A group node without a tree, and a group's input and output in a material: their sockets' own values count."""
+    tree = cube_material().node_tree
+    principled = tree.nodes["Principled BSDF"]
+    tree.nodes.new("ShaderNodeGroup")
+    tree.nodes.new("NodeGroupOutput")
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], principled.inputs["Roughness"])
+    plain = picture(scene)
+    assert np.isfinite(plain).all()
+    assert plain[10, 16, 1] > 0.01, "the cube is there"
+
+
+def test_sockets_linked_wrongly(scene: bpy.types.Scene) -> None:
+    """Shaders where numbers belong, a colour where a shader belongs."""
+    tree = cube_material().node_tree
+    principled, output = tree.nodes["Principled BSDF"], tree.nodes["Material Output"]
+    emission = tree.nodes.new("ShaderNodeEmission")
+    for name in ("Base Color", "Roughness", "Normal"):
+        tree.links.new(emission.outputs[0], principled.inputs[name])
+    assert np.isfinite(picture(scene)).all()
+    color = tree.nodes.new("ShaderNodeRGB")
+    tree.links.new(color.outputs[0], output.inputs["Surface"])
+    tree.links.new(principled.outputs[0], output.inputs["Displacement"])
+    assert np.isfinite(picture(scene)).all()
+
+
 def test_smallest_and_widest_picture(scene: bpy.types.Scene) -> None:
     render = scene.render
     render.resolution_x = render.resolution_y = 4
