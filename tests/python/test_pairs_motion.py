@@ -178,7 +178,7 @@ def test_motion(pair_scene: Any, tmp_path: Path, move: Callable[[Any, Any], None
     box = stage(pair_scene)
     move(pair_scene, box)
     pair_scene.frame_set(FRAME)
-    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06))
 
 
 @pytest.mark.parametrize("convergence", ["OFFAXIS", "TOE"])
@@ -199,7 +199,7 @@ def test_both_eyes_move(pair_scene: Any, tmp_path: Path, convergence: str) -> No
     animate(camera, "rotation_euler", (4, turn), (6, turn + Vector((0, 0, 0.2))))
     pair_scene.frame_set(FRAME)
     views = ("Combined.left", "Combined.right")
-    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004), passes=views)
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06), passes=views)
 
 
 def test_emissive_box_flies_and_turns(pair_scene: Any, tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def test_emissive_box_flies_and_turns(pair_scene: Any, tmp_path: Path) -> None:
     box.data.materials[0] = glow((4.0, 2.0, 1.0), 2.0)
     fly(box)
     pair_scene.frame_set(FRAME)
-    agree(pair_scene, tmp_path, samples=256, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+    agree(pair_scene, tmp_path, samples=256, batches=8, bounds=Bounds(0.01, 0.06))
 
 
 def give_velocity(modifier: Any, to_points: bool) -> None:
@@ -251,7 +251,7 @@ def test_velocities_of_strands(pair_scene: Any, tmp_path: Path, kind: str) -> No
         obj = standing_curves()
     give_velocity(obj.modifiers.new("Velocity", "NODES"), kind == "points")
     pair_scene.frame_set(FRAME)
-    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06, 0.004))
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.01, 0.06))
 
 
 def standing_curves() -> Any:
@@ -276,4 +276,4 @@ def test_hair_moves_with_its_object(pair_scene: Any, tmp_path: Path) -> None:
     settings.radius_scale, settings.root_radius, settings.tip_radius = 0.06, 1.0, 0.3
     animate(box, "location", (4, (-0.2, 0, 0.6)), (6, (0.3, 0, 0.6)))
     pair_scene.frame_set(FRAME)
-    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.015, 0.08, 0.01))
+    agree(pair_scene, tmp_path, samples=96, batches=8, bounds=Bounds(0.015, 0.08))

@@ -24,7 +24,7 @@ from pair_scenes import (
 from pairs import Bounds, agree
 
 Build = Callable[[Tree], Any]
-BOUNDS = Bounds(0.025, 0.06, 0.02)
+BOUNDS = Bounds(0.025, 0.06)
 """Thin things: where a fibre covers a pixel is decided by each engine's own intersection, and light leaves thick fibres
 and dense tufts elsewhere (addon/sync/README.md)."""
 
@@ -210,5 +210,5 @@ def test_points(pair_scene: Any, tmp_path: Path, kind: str) -> None:
     add_plane(diffuse(0.6), 8.0, location=(0, 0, -1))
     if kind == "glass":
         pair_scene.cycles.max_bounces = 4
-    bounds = Bounds(0.03, 0.3, 0.01) if kind == "glass" else BOUNDS
+    bounds = Bounds(0.03, 0.3) if kind == "glass" else BOUNDS
     agree(pair_scene, tmp_path, samples=256, batches=8, bounds=bounds)
