@@ -37,7 +37,7 @@ void gather_rays(const RenderContext& context, Worker& worker, const int32_t* la
     for (int i = 0; i < n; ++i) {
         // What was crossed since has been passed already.
         rays.lane[rays.n] = lanes[i];
-        rays.n += (paths.flags[lanes[i]] & (shader::kRayCamera | kPathCrossed)) == 0;
+        rays.n += (paths.flags[lanes[i]] & (int32_t(shader::kRayCamera) | int32_t(kPathCrossed))) == 0;
     }
     gather3(paths.origin, rays.lane, rays.n, rays.o());
     gather3(paths.direction, rays.lane, rays.n, rays.d());

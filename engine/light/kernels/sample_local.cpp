@@ -67,8 +67,8 @@ struct RectColumns {
     float inv_tan[kSpan], gain[kSpan];
 };
 
-/// `kOne`: all lanes have the same rectangle, which then stays in registers. Both ways give the same bits, as long as no product of
-/// the rectangle's numbers alone is part of a sum: it would be rounded before the loop in one way, not at all in the other.
+/// `kOne`: all lanes have the same rectangle, which then stays in registers. Both ways give the same bits: products are not fused with
+/// sums in this file (CMakeLists.txt).
 template <bool kOne>
 TALBOT_INLINE void sample_rect_lanes(const Rect* __restrict rects, const RectColumns& columns, const LocalGroup& in, LocalSampled& out) {
     const int n = in.n;
