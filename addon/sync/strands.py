@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .. import versions
 from .context import ACTIVE_COLOR, ACTIVE_UV, CURVE_NORMAL, GENERATED, SyncContext
+from .curve_normals import curve_normals
 from .hashes import mixed_keys
 from .mesh import INTEGERS, VALUE_FIELDS, read_column
 
@@ -222,8 +223,8 @@ def read_curves(context: SyncContext, data: Any, scene: Any) -> dict[str, Any] |
     ]
     if GENERATED in context.wanted:
         attributes.append((GENERATED, "FACE", False, _generated(positions, positions[starts[:-1]])))
-    if CURVE_NORMAL in context.wanted and hasattr(data, "normals"):
-        attributes.append((CURVE_NORMAL, "VERTEX", False, read_column(data.normals, "vector", keys, np.float32, 3)))
+    if CURVE_NORMAL in context.wanted:
+        attributes.append((CURVE_NORMAL, "VERTEX", False, curve_normals(data, positions, starts)))
     attributes += _generic(context, data, {"POINT": ("VERTEX", keys), "CURVE": ("FACE", curves)})
     return {
         "positions": positions,
