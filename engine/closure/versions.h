@@ -13,6 +13,7 @@ struct ClosureSemantics {
     bool toon_lights_wide = false;       ///< Glossy Toon is worth more than 90 degrees from the mirror direction what it is at 90 (before 4.0)
     float sharp_alpha2 = 2e-10f;         ///< alpha_x alpha_y at or below it is a mirror (1e-7 before 4.0)
     bool film_fitted = false;            ///< thin films have the colours of a fit of the observer, and fade out below 30 nm (before 5.0)
+    bool hair_over_angle = false;        ///< Huang's hair is summed over the angle about the strand, not over its width (before 4.5)
     bool conductor_approximate = false;  ///< conductors reflect as if light went straight down inside them (before 5.0)
 };
 
@@ -24,6 +25,7 @@ inline ClosureSemantics closure_semantics_of(scene::BlenderVersion version) {
     s.toon_lights_wide = version < 400;
     s.sharp_alpha2 = version < 400 ? 1e-7f : 2e-10f;
     s.film_fitted = version < 500;
+    s.hair_over_angle = version < 405;
     s.conductor_approximate = version < 500;
     return s;
 }

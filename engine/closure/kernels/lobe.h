@@ -23,7 +23,8 @@ inline constexpr float kDeltaPdf = 1e8f;
 struct LobeUniform {
     bool anisotropic = false;
     float correction = 1;  ///< soften the bump terminator
-    float polynomial = 0, bump_all = 1, separable = 0, toon_wide = 0, sharp_alpha2 = 0, conductor_approximate = 0, film_fitted = 0;  ///< ClosureSemantics
+    float polynomial = 0, bump_all = 1, separable = 0, toon_wide = 0, sharp_alpha2 = 0, conductor_approximate = 0, film_fitted = 0,
+          hair_over_angle = 0;  ///< ClosureSemantics
 };
 
 TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropic, bool correlated) {
@@ -38,6 +39,7 @@ TALBOT_INLINE LobeUniform make_uniform(const ClosureGeometry& g, bool anisotropi
     u.sharp_alpha2 = s.sharp_alpha2;
     u.conductor_approximate = float(s.conductor_approximate);
     u.film_fitted = float(s.film_fitted);
+    u.hair_over_angle = float(s.hair_over_angle);
     return u;
 }
 
