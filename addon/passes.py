@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from . import versions
 
 COMBINED = "Combined"
+LIGHT_GROUP = "light_group:"
 NOISY = "Noisy Image"
 EMPTY_DEPTH = 1e10
 
@@ -118,7 +119,13 @@ def wanted(scene: Any, view_layer: Any) -> list[Pass]:
             passes.append(Pass(aov.name, f"aov_color:{aov.name}", 4, "RGBA"))
         elif aov.is_valid:
             passes.append(Pass(aov.name, f"aov_value:{aov.name}", 1, "X", "VALUE"))
+    passes.extend(Pass(f"{COMBINED}_{name}", LIGHT_GROUP + name, 3) for name in light_groups(view_layer))
     return passes
+
+
+def light_groups(view_layer: Any) -> list[str]:
+    """Names of the layer's light groups; emitters know theirs by its place in the list."""
+    return [group.name for group in view_layer.lightgroups]
 
 
 def native_names(passes: list[Pass], *, denoise: bool) -> list[str]:
@@ -138,8 +145,6 @@ def not_offered(view_layer: Any) -> Iterator[str]:
     for switch, name in _NOT_OFFERED_CYCLES.items():
         if cycles.get(switch, False):
             yield name
-    for group in getattr(view_layer, "lightgroups", ()):
-        yield f"Light Group {group.name}"
 
 
 def register_all(engine: Any, scene: Any, view_layer: Any) -> None:

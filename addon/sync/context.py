@@ -22,6 +22,10 @@ PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER
 topology gives."""
 
 
+INSTANCERS_HAVE_LIGHT_GROUPS = 402
+"""Seen in 4.2, but not in 3.4."""
+
+
 class Interrupted(Exception):
     """The user cancelled while the scene was read. What the session holds is incomplete."""
 
@@ -43,9 +47,19 @@ class SyncContext:
     aovs: frozenset[str] = frozenset()
     """Names of the view layer's AOVs: which AOV Output nodes count."""
 
+    light_groups: dict[str, int] = field(default_factory=dict)
+    """The view layer's, by name. Others light too, but in no pass."""
+
     frame: float = 0.0
     seconds: float = 0.0
     """The scene's time, for Scene Time nodes."""
+
+    def light_group(self, holder: Any, instancer: Any = None) -> int:
+        """Place of the group that a thing is in; -1: in none of the layer's. Its instancer's, where it says nothing."""
+        name = holder.lightgroup
+        if not name and instancer is not None and self.version >= INSTANCERS_HAVE_LIGHT_GROUPS:
+            name = instancer.lightgroup
+        return self.light_groups.get(name, -1)
 
     def set_time(self, scene: Any) -> bool:
         """True when it differs from before."""

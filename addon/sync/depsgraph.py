@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from .. import settings as talbot_settings
+from ..passes import light_groups
 from .camera import camera_values, viewport_border, viewport_values
 from .changes import Changes, read_changes
 from .context import ACTIVE_UV, SyncContext
@@ -207,6 +208,8 @@ class SceneSync:
         self.context.version = values["version"]
         aovs = [] if self.context.viewport else [aov.name for aov in view_layer.aovs if aov.is_valid]
         self.context.aovs = frozenset(aovs)
+        groups = [] if self.context.viewport else light_groups(view_layer)
+        self.context.light_groups = {name: index for index, name in enumerate(groups)}
         if values == self._settings:
             return False
         self.session.set_settings(values)

@@ -170,6 +170,7 @@ class ObjectPass:
             random = int(mixed_keys(np.array([random], dtype=np.uint32))[0])
         values = light_values(self.context, self.shaders, obj, matrix, self._visibility(obj, parent), random)
         if values is not None:
+            values["light_group"] = self.context.light_group(obj, parent)
             self.out.lights.append(values)
             self._light_subjects.append(self._links.subject(obj, parent))
 
@@ -244,6 +245,7 @@ class ObjectPass:
                 ),
                 holders=holders,
                 subject=self._links.subject(obj, parent),
+                light_group=self.context.light_group(obj, parent),
                 hair=hair,
                 dicing=dicing_of(self.context, holders[-1], self.depsgraph.scene_eval) if whole else None,
             )

@@ -31,6 +31,7 @@ class Record:
     geometry_offset: float
     holders: tuple[Any, ...]
     subject: Subject
+    light_group: int = -1
     attribute_set: int = -1
     hair: HairSource | None = None
     """Strands that grow on `mesh`, instead of the mesh itself."""
@@ -84,6 +85,7 @@ def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]
         "flags": column([r.flags for r in records], np.uint32),
         "shading_offset": column([r.shading_offset for r in records], np.float32),
         "geometry_offset": column([r.geometry_offset for r in records], np.float32),
+        "light_group": column([r.light_group for r in records], np.int32),
         "attribute_set": column([r.attribute_set for r in records], np.int32),
         "attribute_sets": gathered.attribute_sets,
     }

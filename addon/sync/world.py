@@ -32,4 +32,5 @@ def world_values(context: SyncContext, shaders: ShaderSync, scene: Any, view_lay
         "map_resolution": int(cycles.get("sample_map_resolution", 1024)) if method == "MANUAL" else 0,
         "max_bounces": int(cycles.get("max_bounces", 1024)),
         "sample_as_light": method != "NONE",
+        "light_group": context.light_group(world),
     }

@@ -102,7 +102,7 @@ bool is_single_sample(PassKind kind) {
     return kind == PassKind::Depth || kind == PassKind::Position || kind == PassKind::ObjectIndex || kind == PassKind::MaterialIndex;
 }
 
-FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers, size_t aov_count) {
+FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers, size_t aov_count, size_t group_count) {
     bool wanted[kPassCount] = {};
     for (PassKind kind : passes) {
         if (int(kind) >= kPassCount) continue;
@@ -130,6 +130,10 @@ FilmLayout make_layout(std::span<const PassKind> passes, bool has_catchers, size
         layout.aovs = layout.stride;
         layout.stride += int(aov_count) * kAovFloats;
         layout.data_passes = layout.data_sums = true;
+    }
+    if (group_count > 0) {
+        layout.light_groups = layout.stride;
+        layout.stride += int(group_count) * kLightGroupFloats;
     }
     return layout;
 }
@@ -208,6 +212,13 @@ void Film::resolve_aov(size_t aov, bool is_color, std::span<float> out) const {
     const size_t channels = is_color ? 4 : 1, offset = size_t(layout_.aovs) + aov * kAovFloats;
     each_pixel(channels, 0.0f, out, [&](const float* pixel, float scale, float* result) {
         for (size_t c = 0; c < channels; ++c) result[c] = pixel[offset + c] * scale;
+    });
+}
+
+void Film::resolve_light_group(size_t group, const scene::Settings& settings, std::span<float> out) const {
+    const size_t offset = size_t(layout_.light_groups) + group * kLightGroupFloats;
+    each_pixel(3, 0.0f, out, [&](const float* pixel, float scale, float* result) {
+        for (size_t c = 0; c < 3; ++c) result[c] = pixel[offset + c] * scale * settings.film_exposure;
     });
 }
 

@@ -9,6 +9,7 @@
 ///   UV and denoising passes           sums over samples; `resolve` divides by the sample count
 ///   Mist                              sum of (1 - mist) * weight
 ///   AOVs of the scene                 sums of r, g, b (or of the value), and how often something was written
+///   light groups of the scene         sums of r, g, b: the part of Combined that comes from their emitters
 ///   SampleCount                       nothing: it is a pixel's samples over those of the pixel that took most
 ///   ShadowCatcher                     nothing of its own, see `catcher`; where it is asked for, Combined is the matte, with nothing in the catchers' place,
 ///                                     else the matte over the shadows and the background
@@ -37,6 +38,7 @@ struct FilmLayout {
     int catcher = -1;           ///< where shadow catchers are: sums of the matte (r, g, b, transparency), of the catchers alone (r, g, b), the number of
                                 ///< samples that met one first, and the background behind them (r, g, b)
     int aovs = -1;              ///< where the first of the scene's AOVs is, the others kAovFloats apart
+    int light_groups = -1;      ///< where the first of the scene's light groups is, the others kLightGroupFloats apart
     bool light_passes = false;  ///< any of diffuse/glossy/transmission direct/indirect
     bool data_passes = false;   ///< any pass of the first hit (depth, normal, colours ...)
     bool data_sums = false;     ///< any of these that takes every sample
@@ -45,9 +47,9 @@ struct FilmLayout {
 };
 /// Within FilmLayout::catcher.
 inline constexpr int kCatcherAlone = 4, kCatcherCount = 7, kCatcherBackground = 8, kCatcherFloats = 11;
-inline constexpr int kAovFloats = 4;
-/// A light pass is divided by its colour pass, so it brings that one along. `aov_count`: of Scene::aovs.
-FilmLayout make_layout(std::span<const scene::PassKind> passes, bool has_catchers = false, size_t aov_count = 0);
+inline constexpr int kAovFloats = 4, kLightGroupFloats = 3;
+/// A light pass is divided by its colour pass, so it brings that one along. `aov_count`, `group_count`: of Scene::aovs and Scene::light_groups.
+FilmLayout make_layout(std::span<const scene::PassKind> passes, bool has_catchers = false, size_t aov_count = 0, size_t group_count = 0);
 int pass_channels(scene::PassKind kind);
 /// True for the passes that keep one sample's value (see above).
 bool is_single_sample(scene::PassKind kind);
@@ -89,9 +91,10 @@ TALBOT_INLINE int sample_half(uint32_t n) {
 /// n contributions. `pixel` indexes the tile: a place in its list of pixels, plus the list's length in the second half's plane.
 struct Contributions {
     const int32_t* pixel = nullptr;
-    ConstColumns3 rgb;               ///< radiance times throughput, clamped already
-    ConstColumns3 diffuse, glossy;   ///< share of the first scattering (0..1 a channel; the rest is transmission); null when no light passes are wanted
-    const int32_t* matte = nullptr;  ///< 1: belongs to the matte; null where there are no shadow catchers
+    ConstColumns3 rgb;                     ///< radiance times throughput, clamped already
+    ConstColumns3 diffuse, glossy;         ///< share of the first scattering (0..1 a channel; the rest is transmission); null when no light passes are wanted
+    const int32_t* matte = nullptr;        ///< 1: belongs to the matte; null where there are no shadow catchers
+    const int32_t* light_group = nullptr;  ///< of what shines, -1: of none; null where there are no light groups
     int n = 0;
 };
 
@@ -128,6 +131,8 @@ public:
     void resolve(scene::PassKind kind, const scene::Settings& settings, std::span<float> out) const;
     /// Means of an AOV: width*height*4 of a colour (alpha counts what was written), width*height of a value.
     void resolve_aov(size_t aov, bool is_color, std::span<float> out) const;
+    /// Means of a light group: width*height*3.
+    void resolve_light_group(size_t group, const scene::Settings& settings, std::span<float> out) const;
     int samples_at(int x, int y) const;
     /// Red, green and blue of a pixel's sums over all samples and over those of the second half, and its samples. Not while workers merge.
     struct HalfSums {

@@ -76,11 +76,12 @@ struct ShadowQueue {
     Columns3 rgb;  ///< what arrives when nothing is in the way
     Columns3 diffuse_share, glossy_share;
     int32_t* pixel = nullptr;
-    int32_t* indirect = nullptr;    ///< 1: more than one scattering
-    int32_t* lane = nullptr;        ///< of the path, for its sampler
-    int32_t* bounces = nullptr;     ///< of the path before this vertex scattered it, packed
-    int32_t* visibility = nullptr;  ///< ray mask
-    geometry::HitColumns hit;       ///< for rays that look for transparent surfaces
+    int32_t* indirect = nullptr;     ///< 1: more than one scattering
+    int32_t* lane = nullptr;         ///< of the path, for its sampler
+    int32_t* bounces = nullptr;      ///< of the path before this vertex scattered it, packed
+    int32_t* visibility = nullptr;   ///< ray mask
+    int32_t* light_group = nullptr;  ///< of the light, where there are such passes
+    geometry::HitColumns hit;        ///< for rays that look for transparent surfaces
     int32_t *list = nullptr, *going = nullptr, *shader = nullptr;
     int32_t* crossed = nullptr;  ///< transparent surfaces met
     uint8_t* blocked = nullptr;
@@ -114,9 +115,10 @@ struct SpanScratch {
     Columns3 rgb, share_a, share_b, tmp3;
     float *tmp = nullptr, *tmp2 = nullptr;
     int32_t* itmp = nullptr;
-    int32_t* matte = nullptr;     ///< with shadow catchers: what belongs to the matte
-    float* compact = nullptr;     ///< kCompactColumns columns for lanes gathered by chosen slot
-    light::LightScratch emitter;  ///< lent to the light layer
+    int32_t* matte = nullptr;                               ///< with shadow catchers: what belongs to the matte
+    int32_t *light_group = nullptr, *film_group = nullptr;  ///< with light groups: of the light that lanes found; and of what the film takes
+    float* compact = nullptr;                               ///< kCompactColumns columns for lanes gathered by chosen slot
+    light::LightScratch emitter;                            ///< lent to the light layer
 };
 inline constexpr int kCompactColumns = 64;
 

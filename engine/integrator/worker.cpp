@@ -51,7 +51,8 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
     ShadowQueue& q = shadow;
     for (Columns3* c : {&q.origin, &q.direction, &q.rgb, &q.diffuse_share, &q.glossy_share}) *c = take3(arena_, kShadowCapacity);
     for (float** c : {&q.t_max, &q.time, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
-    for (int32_t** c : {&q.pixel, &q.indirect, &q.lane, &q.bounces, &q.visibility, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
+    for (int32_t** c :
+         {&q.pixel, &q.indirect, &q.lane, &q.bounces, &q.visibility, &q.light_group, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
         *c = arena_.take<int32_t>(kShadowCapacity);
     q.blocked = arena_.take<uint8_t>(kShadowCapacity);
 
@@ -65,7 +66,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
                       &s.roulette_v, &s.pdf, &s.slot_pdf, &s.sampled_roughness, &s.sampled_eta, &s.tmp, &s.tmp2})
         *c = arena_.take<float>(kSpan);
     for (int32_t** c : {&s.lane, &s.path_flags, &s.bounces, &s.sampled_flags, &s.chosen, &s.list, &s.list2, &s.itmp, &s.matte, &s.receiver, &s.light.visibility,
-                        &s.light.blockers})
+                        &s.light.blockers, &s.light.light_group, &s.light_group, &s.film_group})
         *c = arena_.take<int32_t>(kSpan);
     for (uint8_t** c : {&s.mask, &s.light.is_delta}) *c = arena_.take<uint8_t>(kSpan);
     s.slot_weight = arena_.take<float>(size_t(kMaxSlots) * kSpan);

@@ -59,6 +59,18 @@ void set_distant_probabilities(float world_mean, EmitterTable& table) {
     }
 }
 
+void set_light_groups(const scene::Scene& scene, const scene::SceneTables& tables, EmitterTable& table) {
+    table.light_groups.assign(table.emitters.size(), -1);
+    for (size_t i = 0; i < table.emitters.size(); ++i) {
+        if (table.emitters[i].lamp >= 0) table.light_groups[i] = table.lamps[size_t(table.emitters[i].lamp)].light_group;
+    }
+    for (size_t i = 0; i < table.object_emitter.size(); ++i) {
+        if (table.object_emitter[i] >= 0) table.light_groups[size_t(table.object_emitter[i])] = scene::traits_of(tables.view, int32_t(i)).light_group;
+    }
+    table.view.light_groups = table.light_groups.data();
+    table.view.world_light_group = table.summary.world_light_group = scene::known_light_group(scene, scene.world.light_group);
+}
+
 }  // namespace
 
 EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTables& tables, const shader::Programs& programs,
@@ -70,6 +82,7 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     add_meshes(scene, tables, programs, report, cancel, *table);
     const float world_mean = add_world(scene, programs, context, pool, cancel, *table);
     set_distant_probabilities(world_mean, *table);
+    set_light_groups(scene, tables, *table);
 
     for (Reach& reach : table->reach) {
         reach.nearest = 1.0f / std::max(reach.radius * reach.radius, 1e-18f);
@@ -129,7 +142,7 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     for (size_t i = 0; i < table->suns.size(); ++i) {
         const Sun& sun = table->suns[i];
         if (sun.one_minus_cos == 0) continue;
-        summary.has_visible_suns |= sun.hit_visibility != 0;
+        if (sun.hit_visibility != 0) summary.visible_suns.push_back(int32_t(i));
         if (sun.linked_visibility != 0) summary.linked_suns.push_back(int32_t(i));
     }
     return table;

@@ -151,7 +151,7 @@ void set_hit_visibility(const scene::Light& light, LampOrSun& out) {
     out.linked_visibility = linked ? int32_t(scene::with_catcher_bits(others, light.is_shadow_catcher)) : 0;
 }
 
-void add_sun(const scene::Light& light, scene::Handle handle, bool today, const LampShader& own, EmitterTable& table) {
+void add_sun(const scene::Light& light, scene::Handle handle, int32_t light_group, bool today, const LampShader& own, EmitterTable& table) {
     Sun sun;
     sun.direction = any_unit(column(light.to_world, 2), {0, 0, 1});
     Vec3 x = column(light.to_world, 0);
@@ -173,6 +173,7 @@ void add_sun(const scene::Light& light, scene::Handle handle, bool today, const 
     sun.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
     sun.receivers = light.linking.receivers;
     sun.max_bounces = light.max_bounces;
+    sun.light_group = light_group;
     sun.handle = handle;
     sun.to_world = light.to_world;
     sun.to_object = inverse(light.to_world);
@@ -187,9 +188,10 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         const scene::Light& light = scene.lights[i];
         if (light.is_portal || light.visibility == 0) continue;
         const LampShader own = lamp_shader(light, programs);
+        const int32_t group = scene::known_light_group(scene, light.light_group);
         if (light.type == scene::LightType::Sun) {
             if (own.program_shader >= 0 && light.sun_angle > 0) report.warning("The textured disc of a sun is seen with its mean colour", light.name);
-            add_sun(light, scene::Handle(i), today, own, table);
+            add_sun(light, scene::Handle(i), group, today, own, table);
             continue;
         }
 
@@ -203,6 +205,7 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         lamp.blockers = light.cast_shadow ? int32_t(shadow_mask(light.linking)) : 0;
         lamp.receivers = light.linking.receivers;
         lamp.max_bounces = light.max_bounces;
+        lamp.light_group = group;
         lamp.handle = scene::Handle(i);
         lamp.to_world = light.to_world;
         lamp.to_object = inverse(light.to_world);

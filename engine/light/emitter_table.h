@@ -89,6 +89,7 @@ struct Lamp {
     int32_t blockers = scene::kVisibleShadow;  ///< mask of its shadow rays; 0: nothing casts a shadow
     uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
+    int32_t light_group = -1;
     int32_t handle = -1;
     Affine to_world, to_object;  ///< for its program
 };
@@ -154,6 +155,7 @@ struct Sun {
     int32_t blockers = scene::kVisibleShadow;
     uint64_t receivers = scene::Linking{}.receivers;
     int32_t max_bounces = 1024;
+    int32_t light_group = -1;
     int32_t handle = -1;
     Affine to_world, to_object;  ///< for its program
 };
@@ -184,6 +186,7 @@ struct EmitterView {
     const int32_t* emitter_leaf = nullptr;  ///< by emitter: its node; null: the list is short and has no tree
     int32_t root = -1;                      ///< of the emitters' tree
     const uint64_t* receivers = nullptr;    ///< by emitter: sets it lights; null: each lights all
+    const int32_t* light_groups = nullptr;  ///< by emitter; -1: none
     int emitter_count = 0;
     bool has_kind[kEmitterKinds] = {};
     const Lamp* lamps = nullptr;
@@ -206,6 +209,7 @@ struct EmitterView {
     int world_shader = -1;
     int world_visibility = 0;
     int world_max_bounces = 1024;
+    int32_t world_light_group = -1;
 };
 
 struct EmitterTable {
@@ -216,6 +220,7 @@ struct EmitterTable {
     std::vector<TreeNode> nodes;
     std::vector<int32_t> emitter_leaf;
     std::vector<uint64_t> receivers;
+    std::vector<int32_t> light_groups;
     std::vector<Lamp> lamps;
     std::vector<int32_t> visible_lamps, linked_lamps;
     std::vector<Rect> rects;

@@ -33,17 +33,18 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
 /// For the integrator: what exists at all.
 struct EmitterSummary {
     bool has_local = false;
-    bool has_distant = false;          ///< suns or a world map
-    bool has_visible_lamps = false;    ///< lamps that rays may hit (intersect_lamps is needed)
-    bool has_visible_suns = false;     ///< suns with a disc that rays may see (shade_suns is needed)
-    bool has_links = false;            ///< some emitter does not light everything: receivers are asked for
-    bool has_linked_lamps = false;     ///< lamps with blockers of their own that scattered rays may hit
-    std::vector<int32_t> linked_suns;  ///< such suns, with a disc
+    bool has_distant = false;           ///< suns or a world map
+    bool has_visible_lamps = false;     ///< lamps that rays may hit (intersect_lamps is needed)
+    bool has_links = false;             ///< some emitter does not light everything: receivers are asked for
+    bool has_linked_lamps = false;      ///< lamps with blockers of their own that scattered rays may hit
+    std::vector<int32_t> linked_suns;   ///< such suns, with a disc
+    std::vector<int32_t> visible_suns;  ///< with a disc that paths may meet (shade_suns is needed)
     bool world_is_black = false;
     bool world_is_constant = false;
     Rgb constant_world;
     int world_shader = -1;  ///< compiled shader index of the world, -1: black
     uint32_t world_visibility = scene::kVisibleAll;
+    int32_t world_light_group = -1;
 };
 EmitterSummary summarize(const EmitterTable& table);
 
@@ -59,14 +60,15 @@ struct LightQuery {
 
 /// One light sample a lane.
 struct LightSamples {
-    Columns3 wi;                    ///< unit, towards the light
-    float* distance = nullptr;      ///< infinity for distant emitters
-    Columns3 radiance;              ///< emitted towards the point, divided by nothing
-    float* pdf = nullptr;           ///< per solid angle, selection included; 0: no sample. For delta emitters: selection probability alone, and radiance is
-                                    ///< intensity/d^2 or irradiance
-    uint8_t* is_delta = nullptr;    ///< no MIS: BSDF rays cannot find it, or do not count
-    int32_t* blockers = nullptr;    ///< mask of its shadow ray; 0: nothing casts a shadow
-    int32_t* visibility = nullptr;  ///< scene::Visibility bits of the lamp: which kinds of lobe it lights; and catcher bits
+    Columns3 wi;                     ///< unit, towards the light
+    float* distance = nullptr;       ///< infinity for distant emitters
+    Columns3 radiance;               ///< emitted towards the point, divided by nothing
+    float* pdf = nullptr;            ///< per solid angle, selection included; 0: no sample. For delta emitters: selection probability alone, and radiance is
+                                     ///< intensity/d^2 or irradiance
+    uint8_t* is_delta = nullptr;     ///< no MIS: BSDF rays cannot find it, or do not count
+    int32_t* blockers = nullptr;     ///< mask of its shadow ray; 0: nothing casts a shadow
+    int32_t* visibility = nullptr;   ///< scene::Visibility bits of the lamp: which kinds of lobe it lights; and catcher bits
+    int32_t* light_group = nullptr;  ///< of the emitter, -1: none; null: nobody asks
 };
 
 inline namespace TALBOT_ISA {  // kernels
@@ -117,12 +119,15 @@ void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 
                  int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
                  const int32_t* bounce = nullptr, const int32_t* receiver = nullptr);
 /// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
-/// weight 1). n <= kSpan. `linked`: one of the summary's linked_suns alone; -1: all that paths may meet.
+/// weight 1). n <= kSpan. `sun`: one of the summary's alone; -1: all.
 void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* receiver = nullptr, int linked = -1);
+                const int32_t* receiver = nullptr, Met met = Met::ByPaths, int sun = -1);
 /// Mask of the shadow rays to a lamp, or a sun; 0: nothing casts a shadow.
 int32_t lamp_blockers(const EmitterTable& table, int32_t lamp);
 int32_t sun_blockers(const EmitterTable& table, int32_t sun);
+/// Their light groups; -1: none.
+int32_t lamp_light_group(const EmitterTable& table, int32_t lamp);
+int32_t sun_light_group(const EmitterTable& table, int32_t sun);
 
 }  // namespace TALBOT_ISA
 }  // namespace talbot::light

@@ -26,7 +26,7 @@ struct ObjectColumns {
     std::span<const int32_t> traits;
     std::span<const uint32_t> random;
     std::span<const float> matrix, dupli_generated, dupli_uv;
-    std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set, receiver_set, linking;
+    std::span<const int32_t> mesh, name, material_set, pass_index, attribute_set, receiver_set, linking, light_group;
     std::span<const float> color, shading_offset, geometry_offset;
     std::span<const uint32_t> visibility, blocks, flags;
 };
@@ -109,6 +109,7 @@ std::vector<ObjectTraits> make_traits(const ObjectColumns& c, size_t n) {
         if (!c.receiver_set.empty()) o.receiver_set = uint8_t(c.receiver_set[i]);
         if (!c.blocks.empty()) o.blocks = c.blocks[2 * i] | uint64_t(c.blocks[2 * i + 1]) << 32;
         if (!c.linking.empty()) o.linking = c.linking[i];
+        if (!c.light_group.empty()) o.light_group = c.light_group[i];
         if (!c.pass_index.empty()) o.pass_index = c.pass_index[i];
         if (!c.color.empty()) std::copy_n(&c.color[i * 4], 4, o.color);
         if (!c.shading_offset.empty()) o.shadow_terminator_shading_offset = c.shading_offset[i];
@@ -150,6 +151,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     c.receiver_set = arrays.get<int32_t>("receiver_set", 1);
     c.blocks = arrays.get<uint32_t>("blocks", 2);
     c.linking = arrays.get<int32_t>("linking", 1);
+    c.light_group = arrays.get<int32_t>("light_group", 1);
     c.visibility = arrays.get<uint32_t>("visibility", 1);
     c.random = arrays.get<uint32_t>("random", 1);
     c.pass_index = arrays.get<int32_t>("pass_index", 1);
@@ -177,6 +179,7 @@ void set_objects(NativeSession& native, const py::dict& values) {
     check_column(c.receiver_set, kinds, "receiver_set", "mesh");
     check_column(c.blocks, kinds * 2, "blocks", "mesh");
     check_column(c.linking, kinds, "linking", "mesh");
+    check_column(c.light_group, kinds, "light_group", "mesh");
     check_column(c.visibility, kinds, "visibility", "mesh");
     check_column(c.pass_index, kinds, "pass_index", "mesh");
     check_column(c.color, kinds * 4, "color", "mesh");

@@ -170,13 +170,16 @@ size_t pixel_count(const NativeSession& native) {
 
 py::object read_pass(const NativeSession& native, const std::string& name) {
     const std::optional<Aov> aov = aov_of(name);
-    const PassKind kind = aov ? PassKind::Combined : pass_kind(name);
+    const std::optional<std::string> group = light_group_of(name);
+    const PassKind kind = aov || group ? PassKind::Combined : pass_kind(name);
     std::vector<float> pixels;
     size_t count = 0;
     bool available = false;
     {
         const py::gil_scoped_release released;
-        available = aov ? native.session.read_aov(*aov, pixels) : native.session.read_pass(kind, pixels);
+        available = aov     ? native.session.read_aov(*aov, pixels)
+                    : group ? native.session.read_light_group(*group, pixels)
+                            : native.session.read_pass(kind, pixels);
         count = pixel_count(native);
     }
     return available ? make_array(pixels, count) : py::object(py::none());
@@ -241,10 +244,14 @@ void bind_session(py::module_& module) {
                  const std::vector<std::string> list = string_list(names);
                  std::vector<PassKind> passes = read_passes(list);
                  std::vector<Aov> aovs = read_aovs(list);
+                 std::vector<std::string> groups = read_light_groups(list);
                  Scene& scene = n.edit();
                  scene.passes = std::move(passes);
                  scene.dirty |= aovs == scene.aovs ? kDirtyPasses : kDirtyPasses | kDirtyShaders;
                  scene.aovs = std::move(aovs);
+                 // Emitters know their groups by number.
+                 if (groups != scene.light_groups) scene.dirty |= kDirtyObjects | kDirtyLights | kDirtyWorld;
+                 scene.light_groups = std::move(groups);
              })
         .def("set_lights",
              [](Native& n, const py::list& items) {

@@ -146,6 +146,7 @@ World read_world(const py::dict& values) {
     f("map_resolution", w.map_resolution);
     f("max_bounces", w.max_bounces);
     f("sample_as_light", w.sample_as_light);
+    f("light_group", w.light_group);
     f.finish();
     return w;
 }
@@ -241,10 +242,25 @@ std::vector<Aov> read_aovs(const std::vector<std::string>& names) {
     return out;
 }
 
+std::optional<std::string> light_group_of(const std::string& name) {
+    constexpr std::string_view prefix = "light_group:";
+    if (!name.starts_with(prefix)) return {};
+    return name.substr(prefix.size());
+}
+
+std::vector<std::string> read_light_groups(const std::vector<std::string>& names) {
+    std::vector<std::string> out;
+    for (const std::string& name : names) {
+        const std::optional<std::string> group = light_group_of(name);
+        if (group && std::find(out.begin(), out.end(), *group) == out.end()) out.push_back(*group);
+    }
+    return out;
+}
+
 std::vector<PassKind> read_passes(const std::vector<std::string>& names) {
     std::vector<PassKind> out;
     for (const std::string& name : names) {
-        if (aov_of(name)) continue;
+        if (aov_of(name) || light_group_of(name)) continue;
         const PassKind kind = pass_kind(name);
         if (std::find(out.begin(), out.end(), kind) == out.end()) out.push_back(kind);
     }

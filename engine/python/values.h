@@ -22,6 +22,8 @@ scene::ShaderGraph read_graph(const std::string& name, const py::dict& graph);
 std::vector<scene::PassKind> read_passes(const std::vector<std::string>& names);
 std::vector<scene::Aov> read_aovs(const std::vector<std::string>& names);
 std::optional<scene::Aov> aov_of(const std::string& name);  ///< "aov_color:NAME" or "aov_value:NAME"; none: the name of another pass
-scene::PassKind pass_kind(const std::string& name);         ///< throws Error for an unknown name
+std::vector<std::string> read_light_groups(const std::vector<std::string>& names);
+std::optional<std::string> light_group_of(const std::string& name);  ///< NAME of "light_group:NAME"; none: the name of another pass
+scene::PassKind pass_kind(const std::string& name);                  ///< throws Error for an unknown name
 
 }  // namespace talbot::python

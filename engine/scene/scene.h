@@ -142,6 +142,7 @@ struct ObjectTraits {
     Handle material_set = kNone;   ///< into Scene::material_sets; missing materials are the default grey
     Handle attribute_set = kNone;  ///< into Scene::object_attribute_sets (custom properties)
     Handle linking = kNone;        ///< into Scene::linkings, of its emission; kNone: it lights everything
+    Handle light_group = kNone;    ///< into Scene::light_groups, of its emission
     uint32_t visibility = kVisibleAll;
     int32_t pass_index = 0;
     float color[4] = {1, 1, 1, 1};  ///< Blender's viewport object colour (Object Info)
@@ -212,7 +213,7 @@ struct Light {
     bool use_mis = true;
     bool is_portal = false;
     int max_bounces = 1024;
-    int32_t light_group = 0;
+    Handle light_group = kNone;  ///< into Scene::light_groups
     uint32_t random = 0;
     Linking linking;
     bool is_shadow_catcher = true;  ///< its light belongs to what shadow catchers stand for
@@ -225,6 +226,7 @@ struct World {
     int map_resolution = 0;          ///< 0: automatic
     int max_bounces = 1024;
     bool sample_as_light = true;
+    Handle light_group = kNone;  ///< into Scene::light_groups
 };
 
 enum class CameraType : uint8_t { Perspective, Orthographic, Panoramic };
@@ -388,7 +390,8 @@ struct Scene {
     std::vector<Shader> shaders;
     std::vector<std::shared_ptr<const Image>> images;
     std::vector<PassKind> passes{PassKind::Combined};
-    std::vector<Aov> aovs;  ///< shaders are compiled for these: kDirtyShaders too
+    std::vector<Aov> aovs;                  ///< shaders are compiled for these: kDirtyShaders too
+    std::vector<std::string> light_groups;  ///< each has a pass of its own: the light of its lamps, emissive objects and world
     uint32_t dirty = kDirtyAll;
     std::vector<Handle> dirty_meshes;  ///< which meshes changed, when kDirtyMeshes alone would say too much
 };

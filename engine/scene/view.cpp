@@ -155,6 +155,10 @@ bool has_blockers(const Scene& scene) {
            std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.linking.blockers >= 0; });
 }
 
+Handle known_light_group(const Scene& scene, Handle group) {
+    return group >= 0 && size_t(group) < scene.light_groups.size() ? group : kNone;
+}
+
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables, WorkerPool* pool) {
     const size_t names = tables.attribute_names.size(), meshes = scene.meshes.size(), sets = scene.object_attribute_sets.size();
     tables.keep_alive = scene.meshes;
@@ -204,6 +208,7 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
         out.receiver_set = traits.receiver_set;
         out.blocks = traits.blocks;
         if (traits.linking >= 0 && size_t(traits.linking) < scene.linkings.size()) out.linking = scene.linkings[size_t(traits.linking)];
+        out.light_group = known_light_group(scene, traits.light_group);
         out.terminator_frequency = 1.0f / (1.0f - 0.5f * saturate(traits.shadow_terminator_shading_offset));
         out.geometry_offset = traits.shadow_terminator_geometry_offset;
         if (traits.attribute_set >= 0 && size_t(traits.attribute_set) < sets) out.attributes = row(meshes + size_t(traits.attribute_set));

@@ -101,8 +101,12 @@ struct TraitsView {
     int32_t receiver_set = 0;
     uint64_t blocks = 0;
     Linking linking;                            ///< of its emission
+    int32_t light_group = -1;                   ///< of its emission
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
 };
+
+/// kNone for groups that the scene has not.
+Handle known_light_group(const Scene& scene, Handle group);
 
 /// to_world of each step of a moving object.
 struct MotionView {

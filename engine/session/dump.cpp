@@ -21,7 +21,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 11;
+constexpr uint32_t kVersion = 12;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -113,6 +113,7 @@ template <class A>
 void fields(A& a, Is<ObjectTraits> auto& s) {
     a(s.name, s.mesh, s.material_set, s.attribute_set, s.linking, s.visibility, s.pass_index, s.color, s.is_instance, s.is_holdout, s.is_shadow_catcher,
       s.receiver_set, s.blocks, s.shadow_terminator_shading_offset, s.shadow_terminator_geometry_offset);
+    a.since(12, s.light_group);
     if constexpr (A::kReads) forget_chosen(a, s);
 }
 template <class A>
@@ -199,6 +200,7 @@ void fields(A& a, Is<Light> auto& s) {
 template <class A>
 void fields(A& a, Is<World> auto& s) {
     a(s.shader, s.visibility, s.use_importance_map, s.map_resolution, s.max_bounces, s.sample_as_light);
+    a.since(12, s.light_group);
 }
 template <class A>
 void fields(A& a, Is<Camera> auto& s) {
@@ -249,6 +251,7 @@ void fields(A& a, Is<Scene> auto& s) {
     a.since(5, s.linkings);
     a.since(6, s.aovs);
     a.since(7, s.dicing_camera);
+    a.since(12, s.light_groups);
 }
 
 // ---- writing

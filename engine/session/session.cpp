@@ -198,6 +198,16 @@ bool Session::read_aov(const scene::Aov& aov, std::vector<float>& out) const {
     return true;
 }
 
+bool Session::read_light_group(const std::string& name, std::vector<float>& out) const {
+    const State& s = *state_;
+    std::lock_guard lock(s.mutex);
+    const auto found = std::find(s.scene.light_groups.begin(), s.scene.light_groups.end(), name);
+    if (!s.film || s.film->layout().light_groups < 0 || found == s.scene.light_groups.end()) return false;
+    const size_t index = size_t(found - s.scene.light_groups.begin());
+    read_film(s, 3, out, [&](const film::Film& film, std::span<float> to) { film.resolve_light_group(index, s.scene.settings, to); });
+    return true;
+}
+
 void Session::set_denoiser(const std::vector<std::string>* library_dirs) {
     stop();
     if (library_dirs)

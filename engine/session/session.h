@@ -59,6 +59,8 @@ public:
     bool read_pass(scene::PassKind kind, std::vector<float>& out) const;
     /// The same for an AOV: width*height*4 of a colour, width*height of a value. False too when it is none of Scene::aovs.
     bool read_aov(const scene::Aov& aov, std::vector<float>& out) const;
+    /// And for one of Scene::light_groups: width*height*3.
+    bool read_light_group(const std::string& name, std::vector<float>& out) const;
 
     /// From the next start on Combined is denoised in the background when its samples are done, with albedo and normal guides (where asked for as passes);
     /// then the session is. `library_dirs`: where to look for Open Image Denoise first; null: not denoised.

@@ -86,7 +86,7 @@ FilmPlan plan_film(const scene::Scene& scene) {
     std::vector<scene::PassKind> passes = scene.passes;
     if (settings.adaptive) passes.push_back(scene::PassKind::Combined);  // whose noise decides
     const bool crop = settings.crop_width > 0;
-    return {film::make_layout(passes, has_catchers(scene), scene.aovs.size()), crop ? settings.crop_width : settings.width,
+    return {film::make_layout(passes, has_catchers(scene), scene.aovs.size(), scene.light_groups.size()), crop ? settings.crop_width : settings.width,
             crop ? settings.crop_height : settings.height};
 }
 

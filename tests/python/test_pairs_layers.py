@@ -237,6 +237,45 @@ def test_aovs(pair_scene: Any, tmp_path: Path, film_transparent: bool) -> None:
     assert not stacked(passes, "Unused").any(), "registered, though nothing writes it"
 
 
+def test_light_groups(pair_scene: Any, tmp_path: Path) -> None:
+    """Lamps, a sun with a disc, emissive meshes and the world, found by light samples, by chance and by the camera;
+    instances are from 4.2 on in their instancer's group where they have none; what is in none, or in one that the
+    layer has not, is in the picture only."""
+    look_at(pair_scene, (0.0, -5.0, 2.0), (0.0, 0.0, 0.5), 40.0)
+    layer = pair_scene.view_layers[0]
+    for name in ("Key", "Rest of it", "Sky", "Empty"):
+        layer.lightgroups.add(name=name)
+    add_plane(diffuse(), 8.0)
+    mirror = add_plane(material(lambda tree: tree("BsdfGlossy", Roughness=0.1)), 3.0, location=(0.0, 1.5, 1.0))
+    mirror.rotation_euler = (1.5, 0.0, 0.2)
+    add_box(diffuse((0.2, 0.4, 0.8)), (0.7, 0.7, 0.7), location=(0.7, 0.1, 0.35))
+    lamps = (
+        add_lamp("AREA", 80, (2.0, -2.0, 3.0), toward=(0.0, 0.0, 0.0), shape="SQUARE", size=0.7),
+        add_lamp("POINT", 60, (-2.0, -1.0, 2.0), shadow_soft_size=0.3),
+        add_lamp("SUN", 0.5, (0.0, 0.0, 3.0), toward=(0.5, 0.6, 0.0), angle=0.3),
+        add_lamp("SPOT", 90, (0.0, -2.0, 2.0), toward=(0.0, 0.0, 0.0), shadow_soft_size=0.1),
+    )
+    for lamp, name in zip(lamps, ("Key", "Rest of it", "Sky", "Of another layer"), strict=True):
+        lamp.lightgroup = name
+    for number, name in enumerate(("Rest of it", "", "Key")):
+        add_sphere(glow((2.0, 1.0 + number, 0.5)), 0.2, location=(number - 1.5, -0.5, 0.3)).lightgroup = name
+    for name, place in (("", (-1.2, 0.5, 1.2)), ("Rest of it", (1.2, 0.5, 1.2))):
+        inside = add_sphere(glow((0.5, 1.5, 3.0)), 0.2, location=(0.0, 0.0, 0.0))
+        inside.lightgroup = name
+        collection = bpy.data.collections.new("Instanced")
+        collection.objects.link(inside)
+        pair_scene.collection.objects.unlink(inside)
+        instancer = bpy.data.objects.new("Instancer", None)
+        instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
+        instancer.location, instancer.lightgroup = place, "Key"
+        pair_scene.collection.objects.link(instancer)
+    set_world(pair_scene, (0.2, 0.25, 0.3)).lightgroup = "Sky"
+    pair_scene.cycles.max_bounces, pair_scene.cycles.film_exposure = 2, 1.5
+    passes = ("Combined", "Combined_Key", "Combined_Rest of it", "Combined_Sky")
+    agree(pair_scene, tmp_path, samples=1024, passes=passes, bounds=Bounds(0.01, 0.1))
+    assert not stacked(render(pair_scene, "TALBOT", 0, tmp_path / "one.exr"), "Combined_Empty").any()
+
+
 @pytest.mark.parametrize("threshold", [0.0, 0.2, 0.8])
 def test_data_passes_behind_clear_surfaces(pair_scene: Any, tmp_path: Path, threshold: float) -> None:
     """The first surface that is as opaque as the layer asks. Cycles lets more light pass at random

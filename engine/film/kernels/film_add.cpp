@@ -39,6 +39,13 @@ void add(TileFilm& tile, Category category, const Contributions& c) {
             if (c.matte[i] && is_finite(v)) add3(pixels + size_t(c.pixel[i]) * size_t(stride) + layout.catcher, v);
         }
     }
+    if (layout.light_groups >= 0 && c.light_group) {
+        for (int i = 0; i < c.n; ++i) {
+            const Vec3 v = load(c.rgb, i);
+            if (c.light_group[i] < 0 || !is_finite(v)) continue;
+            add3(pixels + size_t(c.pixel[i]) * size_t(stride) + layout.light_groups + c.light_group[i] * kLightGroupFloats, v);
+        }
+    }
 
     if (category == Category::Emission || category == Category::Environment) {
         add_simple(pixels, stride, combined, offset(category == Category::Emission ? PassKind::Emission : PassKind::Environment), c);

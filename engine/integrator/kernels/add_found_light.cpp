@@ -24,6 +24,7 @@ void add_found_light(const RenderContext& context, Worker& worker, const int32_t
             if (c.x == 0.0f && c.y == 0.0f && c.z == 0.0f) continue;
             s.itmp[count] = paths.pixel[lane];
             if (context.has_catchers) mark_matte(paths, lanes + i, 1, s.matte + count);
+            if (context.layout->light_groups >= 0) s.film_group[count] = s.light_group[i];
             store(s.tmp3, count, c);
             if (context.layout->light_passes) {
                 store(s.share_a, count, load(paths.diffuse_share, lane));
@@ -37,6 +38,7 @@ void add_found_light(const RenderContext& context, Worker& worker, const int32_t
         c.rgb = s.tmp3;
         c.n = count;
         if (context.has_catchers) c.matte = s.matte;
+        if (context.layout->light_groups >= 0) c.light_group = s.film_group;
         if (context.layout->light_passes) {
             c.diffuse = s.share_a;
             c.glossy = s.share_b;

@@ -24,9 +24,9 @@ struct LinkedRays {
     Columns3 d() { return {direction[0], direction[1], direction[2]}; }
 };
 
-/// What some of the rays met: radiance, the light samples' density there (0: none), the distance, and the mask of the shadow ray.
+/// What some of the rays met: radiance, the light samples' density there (0: none), the distance, the mask of the shadow ray, and the light group.
 struct Found {
-    int32_t ray[kSpan], blockers[kSpan];
+    int32_t ray[kSpan], blockers[kSpan], light_group[kSpan];
     float radiance[3][kSpan], pdf[kSpan], distance[kSpan];
     Columns3 rgb() { return {radiance[0], radiance[1], radiance[2]}; }
 };
@@ -78,6 +78,7 @@ void push_found(const RenderContext& context, Worker& worker, LinkedRays& rays, 
         queue.pixel[k] = paths.pixel[lane];
         queue.indirect[k] = indirect;
         queue.lane[k] = lane;
+        queue.light_group[k] = found.light_group[j];
         // Of the path before it was scattered: the total is in the lowest bits.
         queue.bounces[k] = paths.bounces[lane] - 1;
         queue.crossed[k] = paths.vertex[lane] >> 16;
@@ -135,13 +136,15 @@ private:
         int count = 0;
         for (int k = 0; k < n; ++k) {
             const int32_t i = list[k];
-            const scene::Linking& linking = scene::traits_of(*context_.scene, object_[i]).linking;
+            const scene::TraitsView& traits = scene::traits_of(*context_.scene, object_[i]);
+            const scene::Linking& linking = traits.linking;
             const shader::CompiledShader& compiled = context_.programs->shaders[size_t(shader[k])];
             const bool emits = compiled.emission >= 0 || compiled.emission_is_constant;
             if (!emits || linking.blockers < 0 || !((linking.receivers >> rays_.receiver[i]) & 1)) continue;
             chosen[count] = shader[k];
             found.ray[count] = i;
             found.distance[count] = passed_[i] + t_[i];
+            found.light_group[count] = traits.light_group;
             found.blockers[count++] = int32_t(scene::shadow_mask(linking));
         }
         if (count == 0) return;
@@ -228,6 +231,7 @@ void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, 
             list[count] = found.ray[count] = list[k];
             lamp[count] = lamp[k];
             t_min[count] = found.distance[count] = t[k];
+            found.light_group[count] = light::lamp_light_group(*context.emitters, lamp[k]);
             found.blockers[count] = light::lamp_blockers(*context.emitters, lamp[k]);
             ++count;
         }
@@ -262,10 +266,11 @@ void push_suns(const RenderContext& context, Worker& worker, LinkedRays& rays, f
         gather(rays.receiver, found.ray, n, receiver);
         // Weighted there.
         light::shade_suns(*context.emitters, {direction[0], direction[1], direction[2]}, visibility, own, n, found.rgb(),
-                          context.emitter_summary.has_links ? receiver : nullptr, sun);
+                          context.emitter_summary.has_links ? receiver : nullptr, light::Met::Linked, sun);
         fill(found.pdf, n, 0.0f);
         fill(found.distance, n, kInfinity);
         std::fill_n(found.blockers, n, light::sun_blockers(*context.emitters, sun));
+        std::fill_n(found.light_group, n, light::sun_light_group(*context.emitters, sun));
         push_found(context, worker, rays, found, n, tile);
     }
 }

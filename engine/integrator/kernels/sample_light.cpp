@@ -92,6 +92,7 @@ void push_shadow_rays(const RenderContext& context, Worker& worker, ConstColumns
             queue.visibility[k] = int32_t(scene::kVisibleShadow << scene::kCatcherShift | (uint32_t(queue.visibility[k]) & scene::kBlockerBits));
         queue.indirect[k] = total_bounces(queue.bounces[k]) > 0;
     }
+    if (context.layout->light_groups >= 0) gather(s.light.light_group, s.list, count, queue.light_group + first);
     if (!context.layout->light_passes) return;
     for (int j = 0; j < count; ++j) {
         const int k = first + j, i = s.list[j];
@@ -127,7 +128,9 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
         query.receiver = s.receiver;
     }
     query.n = n;
-    light::sample_emitters(*context.emitters, stratum, query, *context.programs, *context.shading, s.emitter, s.light);
+    light::LightSamples samples = s.light;
+    if (context.layout->light_groups < 0) samples.light_group = nullptr;
+    light::sample_emitters(*context.emitters, stratum, query, *context.programs, *context.shading, s.emitter, samples);
     if (worker.catcher_pass) {
         // Light that is not real does not shine on the catchers alone.
         for (int i = 0; i < n; ++i) s.light.pdf[i] = uint32_t(s.light.visibility[i]) >> scene::kCatcherShift ? s.light.pdf[i] : 0.0f;

@@ -81,6 +81,19 @@ void world_radiance(const RenderContext& context, Worker& worker, const int32_t*
     }
 }
 
+/// What the discs of all suns that paths may meet bring, or of one.
+void sun_radiance(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, int sun, Columns3 rgb) {
+    const PathColumns& paths = worker.paths;
+    SpanScratch& s = worker.scratch;
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        store(s.wi, i, load(paths.direction, lane));
+        s.itmp[i] = ray_visibility(paths.flags[lane]);
+        s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
+    }
+    light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, n, rgb, context.emitter_summary.has_links ? s.receiver : nullptr, light::Met::ByPaths, sun);
+}
+
 /// A transparent film sees no world, and so nothing of its AOVs either.
 void write_world_aovs(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, film::TileFilm& tile) {
     const light::EmitterSummary& summary = context.emitter_summary;
@@ -150,17 +163,20 @@ void shade_background(const RenderContext& context, Worker& worker, const int32_
             }
             film::add_background(tile, s.itmp, s.tmp3, count);
         }
-        if (context.emitter_summary.has_visible_suns) {
-            for (int i = 0; i < m; ++i) {
-                const int32_t lane = span_lanes[i];
-                store(s.wi, i, load(paths.direction, lane));
-                s.itmp[i] = ray_visibility(paths.flags[lane]);
-                s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
-            }
-            light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, m, s.tmp3, context.emitter_summary.has_links ? s.receiver : nullptr);
+        const std::vector<int32_t>& suns = context.emitter_summary.visible_suns;
+        const bool groups = context.layout->light_groups >= 0;
+        if (groups) {
+            std::fill_n(s.light_group, m, context.emitter_summary.world_light_group);
+        } else if (!suns.empty()) {
+            sun_radiance(context, worker, span_lanes, m, -1, s.tmp3);
             for (int i = 0; i < m; ++i) store(s.rgb, i, load(s.rgb, i) + load(s.tmp3, i));
         }
         add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
+        for (size_t k = 0; groups && k < suns.size(); ++k) {
+            sun_radiance(context, worker, span_lanes, m, suns[k], s.rgb);
+            std::fill_n(s.light_group, m, light::sun_light_group(*context.emitters, suns[k]));
+            add_found_light(context, worker, span_lanes, m, s.rgb, film::Category::Environment, tile);
+        }
     }
 }
 
@@ -226,6 +242,7 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
                 const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);
                 store(s.rgb, i, load(s.rgb, i) * w);
             }
+            for (int i = 0; context.layout->light_groups >= 0 && i < m; ++i) s.light_group[i] = light::lamp_light_group(*context.emitters, s.chosen[i]);
             add_found_light(context, worker, s.list, m, s.rgb, film::Category::Emission, tile);
         }
     }

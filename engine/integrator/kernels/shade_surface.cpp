@@ -99,6 +99,7 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     }
 
     for (int i = 0; i < span.n; ++i) store(s.rgb, i, load(emitted, i) * s.tmp[i]);
+    for (int i = 0; context.layout->light_groups >= 0 && i < span.n; ++i) s.light_group[i] = scene::traits_of(*context.scene, span.object[i]).light_group;
     add_found_light(context, worker, s.lane, span.n, s.rgb, film::Category::Emission, tile);
 }
 

@@ -141,6 +141,10 @@ void add_unblocked(const RenderContext& context, Worker& worker, film::TileFilm&
                 mark_matte(worker.paths, s.list2, m, s.matte);
                 c.matte = s.matte;
             }
+            if (context.layout->light_groups >= 0) {
+                gather(queue.light_group, queue.list + begin, m, s.film_group);
+                c.light_group = s.film_group;
+            }
             if (context.layout->light_passes) {
                 gather3(queue.diffuse_share, queue.list + begin, m, s.share_a);
                 gather3(queue.glossy_share, queue.list + begin, m, s.share_b);

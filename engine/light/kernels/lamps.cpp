@@ -158,12 +158,12 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
 }
 
 void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* receiver, int linked) {
+                const int32_t* receiver, Met met, int only) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) store(radiance, i, {});
-    for (int k = linked < 0 ? 0 : linked, end = linked < 0 ? table.sun_count : linked + 1; k < end; ++k) {
+    for (int k = only < 0 ? 0 : only, end = only < 0 ? table.sun_count : only + 1; k < end; ++k) {
         const Sun sun = table.suns[k];
-        const int32_t seen_by = linked < 0 ? sun.hit_visibility : sun.linked_visibility;
+        const int32_t seen_by = met == Met::Linked ? sun.linked_visibility : sun.hit_visibility;
         if (seen_by == 0 || sun.one_minus_cos == 0.0f) continue;
         const float pdf = sun.probability * 0.5f * kInvPi / sun.one_minus_cos;
         const float tangent = sun.tangent_profile ? 1.0f : 0.0f;
@@ -197,6 +197,14 @@ int32_t lamp_blockers(const EmitterTable& table, int32_t lamp) {
 
 int32_t sun_blockers(const EmitterTable& table, int32_t sun) {
     return table.view.suns[sun].blockers;
+}
+
+int32_t lamp_light_group(const EmitterTable& table, int32_t lamp) {
+    return table.view.lamps[lamp].light_group;
+}
+
+int32_t sun_light_group(const EmitterTable& table, int32_t sun) {
+    return table.view.suns[sun].light_group;
 }
 
 }  // namespace TALBOT_ISA

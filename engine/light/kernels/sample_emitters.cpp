@@ -16,6 +16,7 @@ void clear(const LightQuery& query, const LightSamples& out) {
         out.blockers[i] = scene::kVisibleShadow;
         out.visibility[i] = 0;
     }
+    if (out.light_group) std::fill_n(out.light_group, query.n, -1);
 }
 
 TALBOT_INLINE bool is_black(Rgb c) {
@@ -27,6 +28,10 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
     int32_t emitter[kSpan];
     float probability[kSpan];
     choose_emitters(table, query.p, query.receiver, query.pick_u, query.n, {emitter, probability});
+
+    if (out.light_group) {
+        for (int i = 0; i < query.n; ++i) out.light_group[i] = emitter[i] >= 0 ? table.light_groups[emitter[i]] : -1;
+    }
 
     LocalGroup group;
     LocalSampled found;
@@ -134,6 +139,7 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility, s.linked_visibility);
         out.blockers[i] = s.blockers;
         out.visibility[i] = s.visibility;
+        if (out.light_group) out.light_group[i] = s.light_group;
         store({wo[0], wo[1], wo[2]}, i, -wi);
         u[i] = 0.5f + 0.5f * radius * cp / edge;
         v[i] = 0.5f + 0.5f * radius * sp / edge;
@@ -196,6 +202,7 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
         out.distance[lane] = as_float(0x7f800000);
         out.pdf[lane] = pdf[i] * probability[lane];
         out.visibility[lane] = table.world_visibility;
+        if (out.light_group) out.light_group[lane] = table.world_light_group;
     }
 }
 

@@ -119,7 +119,7 @@ TEST(Links, OwnBlockersNeedRaysOfTheirOwn) {
             intersect_lamps(*f.table, {o, o + 1, o + 2}, {d, d + 1, d + 2}, &far, &visible, 1, &lamp, &t, nullptr,
                             linked ? light::Met::Linked : light::Met::ByPaths);
             EXPECT_EQ(lamp, camera == linked ? -1 : 0);
-            shade_suns(*f.table, {d, d + 1, d + 2}, &visible, &delta, 1, {rgb, rgb + 1, rgb + 2}, nullptr, linked ? 0 : -1);
+            shade_suns(*f.table, {d, d + 1, d + 2}, &visible, &delta, 1, {rgb, rgb + 1, rgb + 2}, nullptr, linked ? light::Met::Linked : light::Met::ByPaths);
             EXPECT_EQ(rgb[0] > 0, camera != linked);
         }
     }

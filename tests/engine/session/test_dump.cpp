@@ -92,6 +92,7 @@ Scene make_scene() {
     object.color[2] = 0.5f;
     scene.duplis = {{{1, 2, 3}, {4, 5}}, {}};
     object.linking = 0;
+    object.light_group = 1;
     object.receiver_set = 63;
     object.blocks = uint64_t(1) << 63;
     scene.linkings = {{5, 62}};
@@ -154,6 +155,7 @@ Scene make_scene() {
 
     scene.world.shader = 0;
     scene.world.use_importance_map = false;
+    scene.world.light_group = 1;
     scene.world.map_resolution = 64;
     scene.camera.type = CameraType::Panoramic;
     scene.camera.panorama = PanoramaType::FisheyePolynomial;
@@ -168,6 +170,7 @@ Scene make_scene() {
     scene.settings.viewport = true;
     scene.passes = {PassKind::Combined, PassKind::Depth, PassKind::SampleCount};
     scene.aovs = {{"Mask", false}, {"Dirt", true}};
+    scene.light_groups = {"Key", "Fill", "Rim"};
     return scene;
 }
 
@@ -237,6 +240,10 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.lights[0].linking.blockers, 17);
     EXPECT_FALSE(loaded.lights[0].is_shadow_catcher);
     EXPECT_EQ(loaded.traits[1].linking, 0);
+    EXPECT_EQ(loaded.traits[1].light_group, 1);
+    EXPECT_EQ(loaded.lights[0].light_group, 2);
+    EXPECT_EQ(loaded.world.light_group, 1);
+    EXPECT_EQ(loaded.light_groups, scene.light_groups);
     EXPECT_EQ(loaded.traits[1].receiver_set, 63);
     EXPECT_EQ(loaded.traits[1].blocks, uint64_t(1) << 63);
     EXPECT_EQ(loaded.linkings[0].receivers, 5u);
@@ -260,7 +267,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Attribute), 64u);
     EXPECT_EQ(sizeof(Mesh), 712u);
     EXPECT_EQ(sizeof(Subdivision), 208u);
-    EXPECT_EQ(sizeof(ObjectTraits), 64u);
+    EXPECT_EQ(sizeof(ObjectTraits), 72u);
     EXPECT_EQ(sizeof(Object), 56u);
     EXPECT_EQ(sizeof(Dupli), 20u);
     EXPECT_EQ(sizeof(Linking), 16u);
@@ -271,12 +278,12 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(ShaderGraph), 64u);
     EXPECT_EQ(sizeof(Shader), 112u);
     EXPECT_EQ(sizeof(Light), 192u);
-    EXPECT_EQ(sizeof(World), 24u);
+    EXPECT_EQ(sizeof(World), 28u);
     EXPECT_EQ(sizeof(Camera), 168u);
     EXPECT_EQ(sizeof(Image), 192u);
     EXPECT_EQ(sizeof(Settings), 272u);
     EXPECT_EQ(sizeof(Aov), 40u);
-    EXPECT_EQ(sizeof(Scene), 1104u);
+    EXPECT_EQ(sizeof(Scene), 1136u);
 }
 #endif
 
