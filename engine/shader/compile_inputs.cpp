@@ -110,7 +110,7 @@ void set_attribute(NodeContext& n, const std::array<Value, 5>& a) {
 void compile_attribute(NodeContext& n) {
     const int type = n.choice("attribute_type", {"GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"});
     static constexpr const char* prefixes[] = {"", scene::kOfObject, scene::kOfInstancer, scene::kOfViewLayer};
-    set_attribute(n, n.attribute(prefixes[type] + n.text("attribute_name"), type == 0 ? AttributeSource::Geometry : AttributeSource::Object));
+    set_attribute(n, n.attribute(prefixes[type] + n.text("attribute_name"), type == 0 ? AttributeSource::OpaqueGeometry : AttributeSource::Object));
 }
 
 void compile_color_attribute(NodeContext& n) {

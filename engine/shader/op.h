@@ -188,7 +188,11 @@ enum class InputColumn : uint8_t {
 
 enum class TransformKind : uint8_t { PointToObject, VectorToObject, NormalToObject, PointToWorld, VectorToWorld, NormalToWorld };
 inline constexpr uint8_t kNotOfLamps = 8;  ///< lamps have no space of their own
-enum class AttributeSource : uint8_t { Geometry, Object };
+enum class AttributeSource : uint8_t {
+    Geometry,
+    Object,
+    OpaqueGeometry,  ///< Geometry, but alpha is 1 where there is no such attribute
+};
 enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth, IsCurve, IsPoint };
 
 enum class BlendKind : uint8_t {

@@ -327,15 +327,17 @@ void op_window(const Instruction& i, Registers r, int n, const OpScope& s) {
 
 void op_attribute(const Instruction& i, Registers r, int n, const OpScope& s) {
     const int32_t id = int32_t(i.data);
+    const AttributeSource source = AttributeSource(i.variant);
+    const float missing_alpha = source == AttributeSource::OpaqueGeometry ? 1.0f : 0.0f;
     for (int k = 0; k < s.span.n; ++k) {
-        float value[5] = {};
+        float value[5] = {0, 0, 0, missing_alpha, 0};
         const int32_t object = object_of(s, k);
         if (object >= 0 && id < s.context.scene->attribute_count) {
             const scene::MeshView* mesh = mesh_of(s, k);
-            const scene::AttributeView* views = AttributeSource(i.variant) == AttributeSource::Object ? scene::traits_of(*s.context.scene, object).attributes
-                                                : mesh                                                ? mesh->attributes
-                                                                                                      : nullptr;
-            if (views) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[5][k], r[6][k], value);
+            const scene::AttributeView* views = source == AttributeSource::Object ? scene::traits_of(*s.context.scene, object).attributes
+                                                : mesh                            ? mesh->attributes
+                                                                                  : nullptr;
+            if (views && views[id].data) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[5][k], r[6][k], value);
         }
         for (int c = 0; c < 5; ++c) r[c][k] = value[c];
     }
