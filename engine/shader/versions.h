@@ -35,7 +35,7 @@ struct Semantics {
     bool magic_wraps_scaled = true;        ///< Magic Texture takes coordinates modulo 2 pi after scaling them (from 5.1 or 5.2; tested in 5.0 and 5.2)
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (before 4.3)
-    float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement
+    float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement (1 before 4.5)
     bool lamps_have_space = true;       ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
     bool lamps_have_uv = true;          ///< UV maps on lamps are their own coordinates (not in 3.4)
     bool polynomial_window = true;      ///< Window coordinates of fisheye lens polynomials are followed (not in 3.4)
@@ -74,7 +74,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.lamps_have_uv = version >= 402;
     s.polynomial_window = version >= 402;
     s.default_is_principled = version >= 500;
-    s.displacement_width = version >= 500 ? 0.1f : 1.0f;
+    s.displacement_width = version >= 405 ? 0.1f : 1.0f;
     return s;
 }
 
