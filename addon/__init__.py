@@ -5,7 +5,7 @@ This module registers and unregisters, nothing else.
 
 import atexit
 
-from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, ui_motion
+from . import compat_ui, engine, native, properties, ui, ui_data, ui_layer, ui_motion, ui_object
 
 bl_info = {
     "name": "Talbot",
@@ -21,7 +21,7 @@ VERSION = ".".join(map(str, bl_info["version"]))
 """Also in the manifest. Read here: Blender takes `bl_info` from extensions once they are loaded, and the upgrade of a
 legacy add-on reloads this module alone."""
 
-_MODULES = (properties, engine, ui, ui_data, ui_layer, ui_motion, compat_ui)
+_MODULES = (properties, engine, ui, ui_data, ui_object, ui_layer, ui_motion, compat_ui)
 _registered = False
 
 

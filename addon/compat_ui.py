@@ -11,7 +11,7 @@ from .ui import ENGINE
 _EXCLUDED = {
     "VIEWLAYER_PT_filter",  # 5.0: has the switches of hair, volumes and motion blur too
     "RENDER_PT_freestyle",
-    "OBJECT_PT_shading",  # 4.x and 5.x: light linking; Talbot's own panel has the shadow terminator
+    "OBJECT_PT_shading",  # 5.0: has less than Talbot's own
     "DATA_PT_light",  # Talbot's own light panel shows the type
     "EEVEE_WORLD_PT_mist",
     "WORLD_PT_viewport_display",
@@ -26,6 +26,8 @@ _EXTRA = (
     "EEVEE_WORLD_PT_surface",
     "MATERIAL_PT_preview",
     "VIEWLAYER_PT_layer_passes",
+    "VIEWLAYER_PT_layer_passes_aov",
+    "VIEWLAYER_PT_layer_passes_lightgroups",
     "VIEWLAYER_PT_override",
     "WORLD_PT_context_world",
     "DATA_PT_preview",

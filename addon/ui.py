@@ -285,7 +285,7 @@ def _problems(scene: Any) -> list[reports.Line]:
 
 def _wrapped(layout: Any, text: str, icon: str, width: int) -> None:
     """A label of several rows; Blender's labels do not wrap."""
-    scale = bpy.context.preferences.system.ui_scale
+    scale = bpy.context.preferences.system.ui_scale or 1.0  # 0 without a window
     columns = max(20, int(width / (7 * scale)) - 6)
     row = ""
     rows: list[str] = []

@@ -1,4 +1,4 @@
-"""Panels of objects' data while Talbot renders: lights, camera, object visibility, world and material settings, passes.
+"""Panels of objects' data while Talbot renders: lights, camera, world and material settings.
 
 Cycles' own panels for these are hidden from other engines; the values are Blender's or Cycles' and are shared with it.
 """
@@ -11,11 +11,20 @@ from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 
 
-def _props(layout: Any, owner: Any, *names: str) -> None:
+def draw_properties(layout: Any, owner: Any, *names: str) -> None:
     """Those of the properties that this Blender has."""
     for name in names:
         if owner is not None and hasattr(owner, name):
             layout.prop(owner, name)
+
+
+def draw_light_group(layout: Any, owner: Any, view_layer: Any) -> None:
+    """The group's name, with a button that makes one of that name."""
+    row = layout.row(align=True)
+    row.prop_search(owner, "lightgroup", view_layer, "lightgroups", text="Light Group", results_are_suggestions=True)
+    button = row.column(align=True)
+    button.enabled = bool(owner.lightgroup) and owner.lightgroup not in view_layer.lightgroups
+    button.operator("scene.view_layer_add_lightgroup", icon="ADD", text="").name = owner.lightgroup
 
 
 def _cycles(owner: Any) -> Any:
@@ -35,15 +44,15 @@ class TALBOT_LIGHT_PT_light(TalbotPanel, bpy.types.Panel):
         self.layout.row().prop(light, "type", expand=True)
         column = self.column()
         column.prop(light, "color")
-        _props(column, light, "use_temperature")
+        draw_properties(column, light, "use_temperature")
         if getattr(light, "use_temperature", False):
             column.prop(light, "temperature")
         column.prop(light, "energy")
-        _props(column, light, "exposure", "normalize")
+        draw_properties(column, light, "exposure", "normalize")
         column.separator()
         if light.type in {"POINT", "SPOT"}:
             column.prop(light, "shadow_soft_size", text="Radius")
-            _props(column, light, "use_soft_falloff")
+            draw_properties(column, light, "use_soft_falloff")
         elif light.type == "SUN":
             column.prop(light, "angle")
         else:
@@ -59,16 +68,16 @@ class TALBOT_LIGHT_PT_light(TalbotPanel, bpy.types.Panel):
     def _draw_rays(self, column: Any, light: Any) -> None:
         cycles = _cycles(light)
         column.separator()
-        _props(column, cycles, "max_bounces")
+        draw_properties(column, cycles, "max_bounces")
         sub = column.column(align=True)
         sub.active = not (light.type == "AREA" and getattr(cycles, "is_portal", False))
         if cycles is not None and hasattr(cycles, "cast_shadow"):
             sub.prop(cycles, "cast_shadow")
         else:
             sub.prop(light, "use_shadow", text="Cast Shadow")
-        _props(sub, cycles, "use_multiple_importance_sampling")
+        draw_properties(sub, cycles, "use_multiple_importance_sampling")
         if light.type == "AREA":
-            _props(column, cycles, "is_portal")
+            draw_properties(column, cycles, "is_portal")
 
 
 class TALBOT_LIGHT_PT_beam(TalbotPanel, bpy.types.Panel):
@@ -84,7 +93,7 @@ class TALBOT_LIGHT_PT_beam(TalbotPanel, bpy.types.Panel):
         light = context.light
         column = self.column()
         if light.type == "SPOT":
-            _props(column, light, "spot_size", "spot_blend", "show_cone")
+            draw_properties(column, light, "spot_size", "spot_blend", "show_cone")
         else:
             column.prop(light, "spread")
 
@@ -130,10 +139,11 @@ class TALBOT_WORLD_PT_settings(TalbotPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         cycles = context.world.cycles
         column = self.column()
-        _props(column, cycles, "sampling_method")
+        draw_properties(column, cycles, "sampling_method")
         if cycles.sampling_method == "MANUAL":
-            _props(column, cycles, "sample_map_resolution")
-        _props(column, cycles, "max_bounces")
+            draw_properties(column, cycles, "sample_map_resolution")
+        draw_properties(column, cycles, "max_bounces")
+        draw_light_group(column, context.world, context.view_layer)
 
 
 class TALBOT_WORLD_PT_visibility(TalbotPanel, bpy.types.Panel):
@@ -147,7 +157,7 @@ class TALBOT_WORLD_PT_visibility(TalbotPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         visibility = context.world.cycles_visibility
-        _props(self.column(), visibility, "camera", "diffuse", "glossy", "transmission", "scatter")
+        draw_properties(self.column(), visibility, "camera", "diffuse", "glossy", "transmission", "scatter")
 
 
 class TALBOT_WORLD_PT_mist(TalbotPanel, bpy.types.Panel):
@@ -160,7 +170,7 @@ class TALBOT_WORLD_PT_mist(TalbotPanel, bpy.types.Panel):
         return context.world is not None and super().poll(context)
 
     def draw(self, context: Any) -> None:
-        _props(self.column(), context.world.mist_settings, "start", "depth", "falloff")
+        draw_properties(self.column(), context.world.mist_settings, "start", "depth", "falloff")
 
 
 class TALBOT_MATERIAL_PT_settings(TalbotPanel, bpy.types.Panel):
@@ -177,11 +187,11 @@ class TALBOT_MATERIAL_PT_settings(TalbotPanel, bpy.types.Panel):
         column = self.column()
         column.prop(material, "pass_index")
         cycles = _cycles(material)
-        _props(column, cycles, "sample_as_light", "emission_sampling")
+        draw_properties(column, cycles, "sample_as_light", "emission_sampling")
         shadow_owner = cycles if hasattr(cycles, "use_transparent_shadow") else material
-        _props(column, shadow_owner, "use_transparent_shadow")
-        _props(column, cycles, "use_bump_map_correction")
-        _props(column, material, "use_bump_map_correction")
+        draw_properties(column, shadow_owner, "use_transparent_shadow")
+        draw_properties(column, cycles, "use_bump_map_correction")
+        draw_properties(column, material, "use_bump_map_correction")
 
 
 class TALBOT_CAMERA_PT_panorama(TalbotPanel, bpy.types.Panel):
@@ -202,48 +212,14 @@ class TALBOT_CAMERA_PT_panorama(TalbotPanel, bpy.types.Panel):
         column.prop(owner, "panorama_type")
         kind = owner.panorama_type
         if kind == "EQUIRECTANGULAR":
-            _props(column, owner, "latitude_min", "latitude_max", "longitude_min", "longitude_max")
+            draw_properties(column, owner, "latitude_min", "latitude_max", "longitude_min", "longitude_max")
         elif kind in {"FISHEYE_EQUIDISTANT", "FISHEYE_EQUISOLID"}:
-            _props(column, owner, *(("fisheye_lens",) if kind.endswith("SOLID") else ()), "fisheye_fov")
+            draw_properties(column, owner, *(("fisheye_lens",) if kind.endswith("SOLID") else ()), "fisheye_fov")
         elif kind == "FISHEYE_LENS_POLYNOMIAL":
-            _props(column, owner, "fisheye_fov", *(f"fisheye_polynomial_k{power}" for power in range(5)))
+            draw_properties(column, owner, "fisheye_fov", *(f"fisheye_polynomial_k{power}" for power in range(5)))
         elif kind == "CENTRAL_CYLINDRICAL":
             names = ("range_u_min", "range_u_max", "range_v_min", "range_v_max", "radius")
-            _props(column, owner, *(f"central_cylindrical_{name}" for name in names))
-
-
-class TALBOT_OBJECT_PT_visibility(TalbotPanel, bpy.types.Panel):
-    bl_label = "Ray Visibility"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return context.object is not None and super().poll(context)
-
-    def draw(self, context: Any) -> None:
-        ob = context.object
-        column = self.column()
-        _props(column, ob, "visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission")
-        _props(column, ob, "visible_volume_scatter", "visible_shadow")
-        column.separator()
-        _props(column, ob, "is_shadow_catcher", "is_holdout")
-
-
-class TALBOT_OBJECT_PT_shading(TalbotPanel, bpy.types.Panel):
-    bl_label = "Shadow Terminator"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return context.object is not None and context.object.type == "MESH" and super().poll(context)
-
-    def draw(self, context: Any) -> None:
-        ob = context.object
-        names = ("shadow_terminator_geometry_offset", "shadow_terminator_shading_offset")
-        owner = ob if hasattr(ob, names[0]) else _cycles(ob)
-        _props(self.column(), owner, *names, "shadow_terminator_offset")
+            draw_properties(column, owner, *(f"central_cylindrical_{name}" for name in names))
 
 
 def draw_output(layout: Any, owner: Any, output_type: str) -> None:
@@ -273,8 +249,6 @@ CLASSES = (
     TALBOT_WORLD_PT_mist,
     TALBOT_MATERIAL_PT_settings,
     TALBOT_CAMERA_PT_panorama,
-    TALBOT_OBJECT_PT_visibility,
-    TALBOT_OBJECT_PT_shading,
 )
 
 
