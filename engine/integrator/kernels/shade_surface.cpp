@@ -202,6 +202,28 @@ void restrict_closures(const RenderContext& context, Worker& worker, const shade
     }
 }
 
+/// The surface that the camera sees first draws each of its lobes once in nine times or more: what is rare there is seen as noise in every pixel, whereas
+/// further on it is averaged away. Cycles does the same.
+void draw_rare_lobes(SpanScratch& s, size_t slots) {
+    constexpr float kLeastShare = 0.125f;
+    const int n = s.span.n;
+    const ConstIntColumn bounces = s.bounces, crossed = s.span.transparent_depth;
+    const Column least = s.tmp, sum = s.weight_sum;
+    TALBOT_VECTOR_LOOP
+    for (int i = 0; i < n; ++i) {
+        least[i] = ((bounces[i] & 255) | crossed[i]) == 0 ? kLeastShare * sum[i] : 0.0f;
+        sum[i] = 0.0f;
+    }
+    for (size_t k = 0; k < slots; ++k) {
+        const Column weight = s.slot_weight + k * kSpan;
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            weight[i] = weight[i] > 0.0f ? maxf(weight[i], least[i]) : 0.0f;
+            sum[i] += weight[i];
+        }
+    }
+}
+
 }  // namespace
 
 int shade_surface(const RenderContext& context, Worker& worker, const int32_t* lanes, const int32_t* shaders, int n, film::TileFilm& tile, int32_t* survivors) {
@@ -243,6 +265,7 @@ int shade_surface(const RenderContext& context, Worker& worker, const int32_t* l
             closure_sampling_weight(slot, slot_columns(slot, s.registers), geometry, n, weight);
             for (int i = 0; i < n; ++i) s.weight_sum[i] += weight[i];
         }
+        if (program.slots.size() > 1) draw_rare_lobes(s, program.slots.size());
         sample_pairs(s.span, Pair::Roulette, s.roulette_u, s.roulette_v);
         clock.lap(Stage::Surface);
         if (context.emitter_summary.has_local) sample_light(context, worker, program, geometry, light::Stratum::Local);

@@ -8,6 +8,7 @@
 
 #include "base/cpu.h"
 #include "session/session.h"
+#include "support/graph_builder.h"
 #include "support/render.h"
 #include "support/scenes.h"
 
@@ -89,6 +90,27 @@ TEST(Render, NothingIsNotANumber) {
     scene::Scene scene = tests::box_with_lamp();
     scene.objects[0].to_world.m[0][0] = std::nanf("");
     for (float value : render(scene, 2)) ASSERT_TRUE(std::isfinite(value));
+}
+
+/// A mirror of one percent over something clear, before a bright wall: 64 samples of a pixel would meet it half a time if it were drawn by its strength.
+TEST(Render, RareLobesBeforeTheCameraAreNoNoise) {
+    constexpr float kMirror = 0.01f, kWall = 100;
+    scene::Scene scene;
+    tests::plain_settings(scene, 16, 16, 64);
+    scene.settings.max_bounces = scene.settings.glossy_bounces = 2;
+    scene.camera.to_world.m[2][3] = 2;
+    test::GraphBuilder pane;
+    const int glossy = pane.node("ShaderNodeBsdfGlossy").color("Color", {kMirror, kMirror, kMirror}).set("Roughness", 0.0f).id();
+    pane.surface(pane.add(pane.out(glossy, "BSDF", scene::SocketKind::Shader), pane.transparent({0.9f, 0.9f, 0.9f})));
+    scene.shaders.push_back(pane.shader);
+    tests::add_object(scene, tests::add_quads(scene, {{-9, -9, 0}, {9, -9, 0}, {9, 9, 0}, {-9, 9, 0}}), 0);
+    const scene::Handle wall = tests::add_shader(scene, tests::one_node("Emission", {kWall, kWall, kWall}));
+    tests::add_object(scene, tests::add_quads(scene, {{-99, -99, 9}, {99, -99, 9}, {99, 99, 9}, {-99, 99, 9}}), wall);
+    double squares = 0;
+    const std::vector<float> pixels = render(scene, 1);
+    EXPECT_NEAR(mean_of(pixels), double(kMirror * kWall), 0.02);
+    for (size_t i = 0; i < pixels.size(); i += 4) squares += std::pow(double(pixels[i]) - double(kMirror * kWall), 2);
+    EXPECT_LT(std::sqrt(squares / (double(pixels.size()) / 4)), 0.2);
 }
 
 }  // namespace

@@ -42,8 +42,9 @@ TEST(Memory, AnInstanceTakesLessThan200BytesBeyondEmbree) {
     const size_t each = (many.scene_bytes - few.scene_bytes) / more;
     EXPECT_LT(each, 128u) << "of which the place and its inverse are 96";
     EXPECT_GE(each, sizeof(scene::Object) + sizeof(Affine)) << "something is not counted";
-    // Embree's geometries and hierarchy, as far as it tells and as measured: 385 of a million.
-    EXPECT_NEAR(double(many.bvh_bytes - few.bvh_bytes) / more, 385, 120);
+    // Embree's geometries and hierarchy, as far as it tells and as measured: 385 of a million with Embree 3, 714 of these with Embree 4.
+    EXPECT_GT((many.bvh_bytes - few.bvh_bytes) / more, 265u);
+    EXPECT_LT((many.bvh_bytes - few.bvh_bytes) / more, 834u);
     EXPECT_EQ(many_memory - few_memory, many.scene_bytes + many.bvh_bytes - few.scene_bytes - few.bvh_bytes) << "progress says the same";
 }
 
