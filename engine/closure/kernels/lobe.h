@@ -147,7 +147,8 @@ TALBOT_INLINE void finish_samples(const LobeUniform& k, const ClosureColumns& c,
         const Rgb weight = load(c.weight, i);
         const int32_t flags = out.flags[i];
         const float pdf = out.pdf[i];
-        // A direction that leaves through the wrong side of the real surface is lost.
+        // A direction that leaves through the wrong side of the real surface is lost. One that is worth nothing to this lobe is not: the others may reflect
+        // there.
         const float side = dot(load(g.ng, i), wi);
         const float out_of_surface = (flags & kSampledTransmit) != 0 ? -side : side;
         const float outward = kIsFibre<Lobe> ? 1.0f : out_of_surface;
@@ -155,8 +156,8 @@ TALBOT_INLINE void finish_samples(const LobeUniform& k, const ClosureColumns& c,
         const float bump = Lobe::kDiffuse ? bump_shadow<Lobe::kDiffuse>(k, normal, load(g.ns, i), wi) : 1.0f;
         const Rgb r{clean(out.weight.x[i] * bump * weight.x), clean(out.weight.y[i] * bump * weight.y), clean(out.weight.z[i] * bump * weight.z)};
         const float length2 = dot(wi, wi);
-        const bool ok = (outward > 0.0f) & (pdf > 0.0f) & (pdf < 1e30f) & ((flags & kSampledFailed) == 0) & is_present(r) & is_present(weight) &
-                        (length2 > 0.9f) & (length2 < 1.1f);
+        const bool ok =
+            (outward > 0.0f) & (pdf > 0.0f) & (pdf < 1e30f) & ((flags & kSampledFailed) == 0) & is_present(weight) & (length2 > 0.9f) & (length2 < 1.1f);
         store(out.wi, i, {ok ? wi.x : normal.x, ok ? wi.y : normal.y, ok ? wi.z : normal.z});
         store(out.weight, i, {ok ? r.x : 0.0f, ok ? r.y : 0.0f, ok ? r.z : 0.0f});
         out.pdf[i] = ok ? pdf : 0.0f;

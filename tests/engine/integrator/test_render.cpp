@@ -113,5 +113,17 @@ TEST(Render, RareLobesBeforeTheCameraAreNoNoise) {
     EXPECT_LT(std::sqrt(squares / (double(pixels.size()) / 4)), 0.2);
 }
 
+/// A dielectric of the air's index over diffuse: what its lobe draws is worth nothing to it, but the other scatters there.
+TEST(Render, LobesThatReflectNothingTakeNothingFromOthers) {
+    scene::Scene scene = tests::furnace_box(0.5f, 1.0f);
+    scene.settings.version = 500;
+    scene.settings.max_bounces = scene.settings.diffuse_bounces = scene.settings.glossy_bounces = 1;
+    test::GraphBuilder wall;
+    const int principled = wall.node("ShaderNodeBsdfPrincipled").color("Base Color", {0.5f, 0.5f, 0.5f}).set("Roughness", 1.0f).set("IOR", 1.0f).id();
+    wall.surface(wall.add(wall.out(principled, "BSDF", scene::SocketKind::Shader), wall.emission({1, 1, 1}, 1.0f)));
+    scene.shaders[0] = wall.shader;
+    EXPECT_NEAR(mean_of(render(scene, 2)), 1.75, 1.75 * 2e-3);
+}
+
 }  // namespace
 }  // namespace talbot
