@@ -129,9 +129,13 @@ struct GlassLobe {
         r = f * reflection;
         t = (vec3(1.0f) - f) * transmission;
     }
+    /// Probability to reflect, by energy; but what can happen is drawn once in 16 times or more: a glass seen from before reflects one part in 25, often of
+    /// something much brighter than what is behind it.
     TALBOT_MEMBER float chance(Rgb r, Rgb t) const {
+        constexpr float kLeast = 1.0f / 16.0f;
         const float a = mean(r), b = mean(t);
-        return a + b > 0.0f ? a / (a + b) : 1.0f;
+        const float least = a > 0.0f ? kLeast : 0.0f, most = b > 0.0f ? 1.0f - kLeast : 1.0f;
+        return a + b > 0.0f ? clampf(a / (a + b), least, most) : 1.0f;
     }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi_world) const {
         const Frame frame = make_frame(lane.n, {}, false);
