@@ -350,12 +350,11 @@ TEST(Surface, LanesDoNotDependOnTheirNeighbours) {
         Span one(1);
         store(one.span.wo, 0, load(all.span.wo, i));
         shade_points(world.tables.view, rays.hits(), rays.columns().origin, &hit[size_t(i)], 1, one.span, one.error.data());
-        // The uniform and the mixed loop may contract differently: rounding only.
-        EXPECT_LT(length(load(one.span.p, 0) - load(all.span.p, i)), 2e-6f);
-        EXPECT_LT(length(load(one.span.n_s, 0) - load(all.span.n_s, i)), 2e-6f);
+        EXPECT_EQ(length(load(one.span.p, 0) - load(all.span.p, i)), 0.0f);
+        EXPECT_EQ(length(load(one.span.n_s, 0) - load(all.span.n_s, i)), 0.0f);
         EXPECT_EQ(one.span.backfacing[0], all.span.backfacing[i]);
         EXPECT_EQ(one.span.object[0], all.span.object[i]);
-        EXPECT_NEAR(one.error[0], all.error[size_t(i)], 1e-9f);
+        EXPECT_EQ(one.error[0], all.error[size_t(i)]);
     }
 }
 

@@ -1,4 +1,4 @@
-/// The loop as a whole: the same bits for any number of threads and any instruction set's own repeat, closed boxes, and what bad input does.
+/// The loop as a whole: the same bits for any number of threads and any instruction set, closed boxes, and what bad input does.
 
 #include <gtest/gtest.h>
 
@@ -33,16 +33,12 @@ TEST(Render, SameBitsForAnyNumberOfThreads) {
     for (int threads : {2, 3, 5}) EXPECT_EQ(one, render(scene, threads)) << threads << " threads";
 }
 
-TEST(Render, EveryInstructionSetGivesTheSamePicture) {
+TEST(Render, EveryInstructionSetGivesTheSameBits) {
     const scene::Scene scene = tests::box_with_lamp();
-    double first = -1;
-    for (const char* isa : compiled_isas()) {
-        if (!machine_runs(isa)) continue;
-        const double mean = mean_of(render(scene, 2, isa));
-        if (first < 0) first = mean;
-        EXPECT_NEAR(mean / first, 1.0, 2e-3) << isa;
-    }
-    EXPECT_GT(first, 0.01);
+    const std::vector<float> first = render(scene, 2, compiled_isas()[0]);
+    EXPECT_GT(mean_of(first), 0.01);
+    for (const char* isa : compiled_isas())
+        if (machine_runs(isa)) EXPECT_EQ(first, render(scene, 2, isa)) << isa;
 }
 
 /// A closed box of emission 1 and albedo 1/2: each bounce adds half of the one before.
