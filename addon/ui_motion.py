@@ -6,13 +6,8 @@ import bpy
 
 from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
-
-
-def _props(layout: Any, owner: Any, *names: str) -> None:
-    """Those of the properties that this Blender has."""
-    for name in names:
-        if owner is not None and hasattr(owner, name):
-            layout.prop(owner, name)
+from .ui_data import draw_properties
+from .ui_object import ObjectPanel
 
 
 class TALBOT_RENDER_PT_motion_blur(TalbotPanel, bpy.types.Panel):
@@ -26,9 +21,9 @@ class TALBOT_RENDER_PT_motion_blur(TalbotPanel, bpy.types.Panel):
         render, cycles = context.scene.render, getattr(context.scene, "cycles", None)
         column = self.column()
         column.active = render.use_motion_blur
-        _props(column, render if hasattr(render, "motion_blur_position") else cycles, "motion_blur_position")
+        draw_properties(column, render if hasattr(render, "motion_blur_position") else cycles, "motion_blur_position")
         column.prop(render, "motion_blur_shutter")
-        _props(column, cycles, "rolling_shutter_type")
+        draw_properties(column, cycles, "rolling_shutter_type")
         if getattr(cycles, "rolling_shutter_type", "NONE") != "NONE":
             column.prop(cycles, "rolling_shutter_duration")
 
@@ -59,15 +54,12 @@ class TALBOT_RENDER_PT_curves(TalbotPanel, bpy.types.Panel):
             column.prop(curves, "subdivisions", text="Curve Subdivisions")
 
 
-class TALBOT_OBJECT_PT_motion_blur(TalbotPanel, bpy.types.Panel):
+class TALBOT_OBJECT_PT_motion_blur(ObjectPanel, bpy.types.Panel):
     bl_label = "Motion Blur"
-    bl_context = "object"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        obj = context.object
-        return obj is not None and getattr(obj, "cycles", None) is not None and super().poll(context)
+        return super().poll(context) and getattr(context.object, "cycles", None) is not None
 
     def draw_header(self, context: Any) -> None:
         self.layout.prop(context.object.cycles, "use_motion_blur", text="")

@@ -12,7 +12,9 @@ from .ui import TalbotPanel
 from .ui_data import draw_light_group, draw_properties
 
 
-class _ObjectPanel(TalbotPanel):
+class ObjectPanel(TalbotPanel):
+    """In the object's tab, closed at first."""
+
     bl_context = "object"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -21,7 +23,7 @@ class _ObjectPanel(TalbotPanel):
         return context.object is not None and super().poll(context)
 
 
-class TALBOT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
+class TALBOT_OBJECT_PT_visibility(ObjectPanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
 
     def draw(self, context: Any) -> None:
@@ -33,7 +35,7 @@ class TALBOT_OBJECT_PT_visibility(_ObjectPanel, bpy.types.Panel):
         draw_properties(column, ob, "is_shadow_catcher", "is_holdout")
 
 
-class TALBOT_OBJECT_PT_shading(_ObjectPanel, bpy.types.Panel):
+class TALBOT_OBJECT_PT_shading(ObjectPanel, bpy.types.Panel):
     bl_label = "Shading"
 
     @classmethod
@@ -46,7 +48,7 @@ class TALBOT_OBJECT_PT_shading(_ObjectPanel, bpy.types.Panel):
         draw_light_group(self.column(), context.object, context.view_layer)
 
 
-class TALBOT_OBJECT_PT_shadow_terminator(_ObjectPanel, bpy.types.Panel):
+class TALBOT_OBJECT_PT_shadow_terminator(ObjectPanel, bpy.types.Panel):
     bl_label = "Shadow Terminator"
     bl_parent_id = "TALBOT_OBJECT_PT_shading"
 
@@ -61,7 +63,7 @@ class TALBOT_OBJECT_PT_shadow_terminator(_ObjectPanel, bpy.types.Panel):
         draw_properties(self.column(), owner, *names, "shadow_terminator_offset")
 
 
-class _LinkingPanel(_ObjectPanel):
+class _LinkingPanel(ObjectPanel):
     """The collection of receivers or of blockers (`who`) of what an object emits. From 4.0 on."""
 
     bl_parent_id = "TALBOT_OBJECT_PT_shading"

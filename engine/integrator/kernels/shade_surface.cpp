@@ -211,7 +211,7 @@ void draw_rare_lobes(SpanScratch& s, size_t slots) {
     const Column least = s.tmp, sum = s.weight_sum;
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
-        least[i] = ((bounces[i] & 255) | crossed[i]) == 0 ? kLeastShare * sum[i] : 0.0f;
+        least[i] = (total_bounces(bounces[i]) | crossed[i]) == 0 ? kLeastShare * sum[i] : 0.0f;
         sum[i] = 0.0f;
     }
     for (size_t k = 0; k < slots; ++k) {
