@@ -37,6 +37,9 @@ def denoiser_version(library_dirs: list[str]) -> str:
 def random_per_island(vertices: int, edges: u32) -> bytes:
     """f32 a vertex, in 0..1, alike all over a connected part; edges as pairs of vertices."""
 
+def matrix_columns(matrices: list[Any]) -> bytes:
+    """f32 (n, 16), column-major, of copies of 4x4 mathutils matrices; TypeError for anything else."""
+
 class Progress(TypedDict):
     state: str  # idle, updating, rendering, paused, done, cancelled, failed
     status: str

@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import native
 
 ACTIVE_UV = "@uv"
 ACTIVE_COLOR = "@color"
@@ -99,3 +103,8 @@ def id_key(datablock: Any) -> tuple[str, str]:
 def column_major(matrix: Any) -> list[float]:
     """16 floats of a 4x4 matrix, column by column."""
     return [value for column in matrix.col for value in column]
+
+
+def matrix_columns(matrices: list[Any]) -> NDArray[np.float32]:
+    """(n, 16) of copies of 4x4 matrices, column by column."""
+    return np.frombuffer(native.module().matrix_columns(matrices), dtype=np.float32).reshape(-1, 16)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import versions
 from .camera import camera_values, unscaled
-from .context import SyncContext, column_major
+from .context import SyncContext, column_major, matrix_columns
 from .mesh import face_smooth, read_column, read_normals
 from .records import Gathered, Record
 from .strands import hair_sources, read_hair
@@ -87,7 +87,7 @@ class MotionPass:
 
     def begin(self, depsgraph: Any, gathered: Gathered, handles: list[int], scene: Any, size: tuple[int, int]) -> None:
         """What may move, and where it is in the middle."""
-        keys = self._instance_keys(depsgraph)
+        keys, _ = self._walk(depsgraph)
         self._keys = [keys[row] for row in gathered.rows]
         levels = [_level(record, "use_motion_blur") for record in gathered.records]
         self._levels = np.array([levels[which] for which in gathered.which], dtype=np.int64)
@@ -126,17 +126,15 @@ class MotionPass:
         for deforming in self._deforming.values():
             for key in deforming.keys if _has_moment(deforming.level, moment) else ():
                 wanted.setdefault(key, []).append(deforming)
-        keys = keys if keys is not None and not wanted else self._instance_keys(depsgraph, wanted, moment)
-        rows = {key: row for row, key in enumerate(keys)}
+        matrices: list[Matrix] = []
+        if keys is None or wanted:
+            keys, matrices = self._walk(depsgraph, wanted, moment)
         if moment not in self._matrices:
-            matrices = np.empty(len(keys) * 16, dtype=np.float32)
-            if len(keys):
-                depsgraph.object_instances.foreach_get("matrix_world", matrices)
-            matrices = matrices.reshape(len(keys), 16)
+            rows = {key: row for row, key in enumerate(keys)}
             found = np.array([rows.get(key, -1) for key in self._keys], dtype=np.int64)
             there = found >= 0
             self._matrices[moment] = self._matrices[0.5].copy()
-            self._matrices[moment][there] = matrices[found[there]]
+            self._matrices[moment][there] = matrix_columns(matrices)[found[there]]
         if self._camera_level and _has_moment(self._camera_level, moment):
             camera = scene.camera.evaluated_get(depsgraph)
             placed = self._eyes(camera) if self._eyes is not None else [(camera.matrix_world, None)]
@@ -145,27 +143,23 @@ class MotionPass:
                 values = camera_values(self.context, camera, scene.render, *size, matrix, shift)
                 self._cameras[moment].append((unscaled(matrix), tuple(values["view"])))
 
-    def _instance_keys(
+    def _walk(
         self, depsgraph: Any, wanted: dict[InstanceKey, list[Deforming]] | None = None, moment: float = 0.5
-    ) -> list[InstanceKey]:
-        """What an instance is at every moment. Shapes are read on the way: Blender lends them for the step only."""
-        instances = depsgraph.object_instances
-        count = len(instances)
-        identities = np.empty(count * 8, dtype=np.int32)
-        if count:
-            instances.foreach_get("persistent_id", identities)
-        persistent = [tuple(row) for row in identities.reshape(count, 8).tolist()]
-        keys = []
-        for row, instance in enumerate(instances):
-            obj, parent = instance.object, instance.parent if instance.is_instance else None
+    ) -> tuple[list[InstanceKey], list[Matrix]]:
+        """What each instance is at every moment, and where it is now. Shapes are read on the way: Blender lends them
+        for the step only."""
+        keys, matrices = [], []
+        for instance in depsgraph.object_instances:
+            matrices.append(instance.matrix_world.copy())
+            obj, parent = instance.object, instance.parent
             owner = parent.original.as_pointer() if parent is not None else 0
-            key = (obj.original.as_pointer(), owner, persistent[row])
+            key = (obj.original.as_pointer(), owner, tuple(instance.persistent_id))
             keys.append(key)
             for deforming in wanted.get(key, ()) if wanted else ():
                 shape = deforming.read(obj) if moment not in deforming.shapes else None
                 if shape is not None:
                     deforming.shapes[moment] = shape
-        return keys
+        return keys, matrices
 
     def _send_velocity(self, record: Record, handle: int) -> bool:
         """Points with a velocity go straight on, whatever else deforms them."""

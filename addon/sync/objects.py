@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .. import versions
-from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext, column_major
+from .context import INSTANCER, PARTICLE, PROPERTY_PREFIXES, SyncContext, column_major, matrix_columns
 from .culling import Culling
 from .hashes import mixed_keys, name_key
 from .lights import light_values
@@ -61,10 +61,12 @@ class ObjectPass:
         cache: dict[tuple[Any, Any, Any], tuple[int, tuple[int, ...]]] = {}
         rows, which = out.rows, out.which
         random: list[int] = []
-        row = -1
         last_source = last_data = last_parent = known = None
-        # One value a time: in bulk Blender walks the instances again for each, which takes six times as long.
+        matrices: list[Any] = []
+        # One value a time: in bulk Blender walks the instances again for each, which takes longer, and before 5.0 it
+        # forgets what the first object instances: that memory is never free again.
         for row, instance in enumerate(instances):
+            matrices.append(instance.matrix_world.copy())
             visible = instance.show_self
             if not visible and not (use_strand and instance.show_particles):
                 continue
@@ -73,10 +75,11 @@ class ObjectPass:
             if data is None:
                 continue
             # Objects of instances are made for the step: what they stand for is what lasts.
-            if instance.is_instance:
-                source, parent, number = instance.instance_object, instance.parent, instance.random_id
+            parent = instance.parent
+            if parent is not None:
+                source, number = instance.instance_object, instance.random_id
             else:
-                source, parent, number = obj, None, name_key(obj.name)
+                source, number = obj, name_key(obj.name)
             # Most are as the one before. The cache holds these objects: they are found again as the same.
             if source is not last_source or data is not last_data or parent is not last_parent:
                 last_source, last_data, last_parent = key = (source, data, parent)
@@ -91,17 +94,13 @@ class ObjectPass:
                 which.append(index)
                 random.append(number)
             elif index == LIGHT:
-                self._light(obj, parent, number, column_major(instance.matrix_world))
+                self._light(obj, parent, number, column_major(matrices[row]))
             for strand in strands:
                 rows.append(row)
                 which.append(strand)
                 random.append(number)
-        count = row + 1  # len() would walk them again
         out.random = np.array(random, dtype=np.int64).astype(np.uint32)
-        matrices = np.empty(count * 16, dtype=np.float32)
-        if count:
-            instances.foreach_get("matrix_world", matrices)
-        out.matrices = matrices.reshape(count, 16)
+        out.matrices = matrix_columns(matrices)
         if self.culling is not None:
             self._cull(self.culling)
         dupli = np.array([record.flags & IS_INSTANCE for record in out.records], np.bool_)
@@ -111,7 +110,7 @@ class ObjectPass:
         # Only now all shaders are known.
         wanted = self.shaders.wanted()
         if INSTANCER in wanted and dupli.any():
-            self._read_dupli(instances, count)
+            self._read_dupli(instances)
         properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))
         for record in out.records if properties else ():
             record.attribute_set = self._attribute_set(record.holders, properties)
@@ -158,11 +157,9 @@ class ObjectPass:
                 out.records.append(replace(record, attribute_set=len(out.attribute_sets)))
                 out.attribute_sets.append([*kept, *values])
 
-    def _read_dupli(self, instances: Any, count: int) -> None:
-        orco, uv = np.empty(count * 3, dtype=np.float32), np.empty(count * 2, dtype=np.float32)
-        instances.foreach_get("orco", orco)
-        instances.foreach_get("uv", uv)
-        self.out.dupli = (orco.reshape(count, 3) * np.float32(0.5) - np.float32(0.5), uv.reshape(count, 2))
+    def _read_dupli(self, instances: Any) -> None:
+        values = np.array([(*instance.orco, *instance.uv) for instance in instances], dtype=np.float32).reshape(-1, 5)
+        self.out.dupli = (values[:, :3] * np.float32(0.5) - np.float32(0.5), values[:, 3:])
 
     def _light(self, obj: Any, parent: Any, random: int, matrix: list[float]) -> None:
         random &= 0xFFFFFFFF  # Blender gives instances' numbers a sign

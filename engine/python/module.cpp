@@ -4,6 +4,7 @@
 #include "film/film.h"
 #include "geometry/accelerator.h"
 #include "python/convert.h"
+#include "python/matrices.h"
 #include "python/native_session.h"
 #include "scene/islands.h"
 
@@ -66,5 +67,6 @@ PYBIND11_MODULE(_talbot, module) {
         const std::vector<float> values = scene::random_per_island(vertices, {static_cast<const uint32_t*>(buffer.data()), buffer.size()});
         return py::bytes(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float));
     });
+    module.def("matrix_columns", &python::matrix_columns);
     python::bind_session(module);
 }

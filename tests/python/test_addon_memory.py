@@ -19,11 +19,19 @@ def resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def build(scene: Any) -> None:
-    """A sheet that waves, by a modifier and by displacement; a box that flies; instances; a changing colour."""
-    cells = 60
+def add_sheet(cells: int, item: Any) -> Any:
+    """A square of cells x cells faces."""
     vertices = [(x / cells * 4 - 2, y / cells * 4 - 2, 0.0) for y in range(cells + 1) for x in range(cells + 1)]
     corners = [y * (cells + 1) + x for y in range(cells) for x in range(cells)]
+    return add_mesh(vertices, [(a, a + 1, a + cells + 2, a + cells + 1) for a in corners], item, smooth=True)
+
+
+def build(scene: Any) -> None:
+    """Instances on faces, which know where they are, of the scene's first object; a sheet that waves, by a modifier and
+    by displacement; a box that flies; a changing colour; blur."""
+    bed = add_sheet(20, diffuse())
+    child = add_box(material(lambda tree: tree("BsdfDiffuse", Color=tree("UVMap", from_instancer=True))), (0.01,) * 3)
+    child.parent, bed.instance_type = bed, "FACES"
 
     def rough(tree: Any) -> Any:
         return tree("BsdfDiffuse", Color=tree("TexNoise"))
@@ -36,7 +44,7 @@ def build(scene: Any) -> None:
     links.new(displacement.outputs[0], nodes["Material Output"].inputs["Displacement"])
     owner = item.cycles if hasattr(item.cycles, "displacement_method") else item
     owner.displacement_method = "DISPLACEMENT"
-    sheet = add_mesh(vertices, [(a, a + 1, a + cells + 2, a + cells + 1) for a in corners], item, smooth=True)
+    sheet = add_sheet(60, item)
     sheet.modifiers.new("Wave", "WAVE")
     paint = diffuse()
     box = add_box(paint, (0.5, 0.5, 0.5))
@@ -49,6 +57,7 @@ def build(scene: Any) -> None:
     add_lamp("SUN", 2.0, (2, -2, 4), toward=(0, 0, 0))
     set_world(scene, 0.3)
     look_at(scene, (0, -6, 4))
+    scene.render.use_motion_blur = True
 
 
 @pytest.mark.parametrize("persistent", [False, True])

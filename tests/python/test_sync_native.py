@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 from talbot import native
 
 
@@ -345,3 +347,17 @@ def test_sessions_are_independent() -> None:
         while not session.wait(50):
             pass
     assert (first.size(), second.size()) == ((4, 4), (8, 2))
+
+
+def test_matrix_columns() -> None:
+    columns = native.module().matrix_columns
+    matrices = [Matrix([[100 * i + 10 * row + column for column in range(4)] for row in range(4)]) for i in range(3)]
+    values = np.frombuffer(columns(matrices), np.float32).reshape(3, 4, 4)
+    assert (values == np.array([matrix.transposed() for matrix in matrices])).all()
+    assert columns([]) == b""
+    owner = bpy.data.objects.new("Owner", None)
+    owned = [] if bpy.app.version >= (5, 0, 0) else [owner.matrix_world]
+    for wrong in (Matrix.Identity(3), 1.0, None, "Matrix", np.zeros((4, 4)), np.zeros(16, np.float32), *owned):
+        with pytest.raises(TypeError):
+            columns([Matrix(), wrong])
+    bpy.data.objects.remove(owner)
