@@ -109,9 +109,10 @@ def test_chiang(pair_scene: Any, tmp_path: Path, light: str, shape: str) -> None
     show(pair_scene, tmp_path, chiang(), light, shape, bounds=bounds)
 
 
-def test_hair_bsdf(pair_scene: Any, tmp_path: Path) -> None:
-    """Without lamps: Cycles sees them only from a part of the directions that it samples."""
-    show(pair_scene, tmp_path, plain(), "sky", "RIBBONS")
+@LIGHTS
+@pytest.mark.parametrize("shape", ["RIBBONS", "THICK"])
+def test_hair_bsdf(pair_scene: Any, tmp_path: Path, light: str, shape: str) -> None:
+    show(pair_scene, tmp_path, plain(), light, shape)
 
 
 @LIGHTS

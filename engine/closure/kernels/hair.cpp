@@ -109,8 +109,8 @@ struct ChiangLobe {
 };
 
 /// The lobes of Hair BSDF: reflection or transmission; a Cauchy distribution in the half angle theta_h = (theta_i + theta_o) / 2, shifted and limited
-/// to where theta_i exists; in azimuth cos(phi / 2 s) / 4 s around the viewer (reflection), or Cauchy around the far side, on [-pi/2, pi/2]. (Cycles
-/// samples the same directions, but sees lamps only from within a quarter turn and on their side of the normal.)
+/// to where theta_i exists; in azimuth cos(phi / 2 s) / 4 s around the viewer (reflection), or Cauchy around the far side, on [-pi/2, pi/2]. As in
+/// Cycles values and samples differ: lamps are seen on the lobe's side of the normal only, and by reflections within a quarter turn of the viewer.
 /// After the lobes of [Marschner et al. 2003, "Light Scattering from Human Hair Fibers"].
 template <bool transmits>
 struct StrandLobe {
@@ -136,13 +136,14 @@ struct StrandLobe {
         const float p = kPi - lane_abs(phi);
         const float far = around / (2.0f * lane_atan(kHalfPi / around) * (p * p + around * around));
         const float near = lane_cos(minf(0.5f * lane_abs(phi) / around, kHalfPi)) * 0.25f / around;
-        const bool inside = (!transmits | (lane_abs(phi) > kHalfPi)) & (lane_abs(theta_i) < kHalfPi - kPole);
-        return inside ? theta * (transmits ? far : near) : 0.0f;
+        return lane_abs(theta_i) < kHalfPi - kPole ? theta * (transmits ? far : near) : 0.0f;
     }
     TALBOT_MEMBER LobeEval eval(const LobeLane& lane, Vec3 wi) const {
         const Fibre fibre = make_fibre(tangent, lane.wo);
         const float sin_i = dot(fibre.t, wi);
-        const float d = density(lane_asin(sin_i), lane_asin(fibre.sin_o), azimuth(fibre, wi));
+        const float phi = azimuth(fibre, wi), side = dot(lane.n, wi);
+        const bool seen = transmits ? side < 0.0f : (side >= 0.0f) & (lane_abs(phi) <= kHalfPi);
+        const float d = seen ? density(lane_asin(sin_i), lane_asin(fibre.sin_o), phi) : 0.0f;
         return {vec3(d), d};
     }
     TALBOT_MEMBER LobeSample sample(const LobeLane& lane, float u, float v, float) const {

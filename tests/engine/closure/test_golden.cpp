@@ -269,8 +269,6 @@ bool is_excluded(const Golden& g, int tilt, bool furnace, int sun = -1) {
         if (tilt > 0 && g.version >= 402 && starts("velvet")) return true;
         if (tilt == 2 && g.version == 402 && starts("principled/spec0")) return true;
         if (starts("principled/emit")) return true;
-        // It shows lamps to a part of the directions only that it samples.
-        if (starts("hair/T") || (starts("hair/R") && tilt == 2 && sun == 2)) return true;
         // Cycles evaluates transmission into directions that no facet can refract into and no sample reaches; ours is zero there.
         if (tilt == 2 && sun == 2 && (starts("glass") || starts("principled/trans"))) return true;
     }
