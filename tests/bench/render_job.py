@@ -14,6 +14,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from job import run
 
+MOST_SAMPLES = 16384
+
 
 def prepare(scene: bpy.types.Scene, job: dict[str, Any]) -> None:
     """The same light transport in both engines, and nothing that hides noise."""
@@ -77,9 +79,11 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
     picture = folder / "picture.exr"
     render(scene, 1, 99, picture)  # warm: files in cache, shaders and libraries loaded
     one = min(render(scene, 1, 98, picture), render(scene, 1, 97, picture))
+    # So many that their time stands out from what loading takes more or less.
     few = 8
-    slope = max((render(scene, few, 96, picture) - one) / (few - 1), 1e-4)
-    samples = int(np.clip(round(job["seconds"] / slope), 4, 16384))
+    while (spent := render(scene, few, 96, picture) - one) < max(job["seconds"] / 4, one / 2) and few < MOST_SAMPLES:
+        few = min(4 * few, MOST_SAMPLES)
+    samples = int(np.clip(round(job["seconds"] / max(spent, 1e-3) * few), 4, MOST_SAMPLES))
     times = []
     for seed in range(job["seeds"]):
         times.append(render(scene, samples, 1000 + seed, picture))
