@@ -50,7 +50,7 @@ class Progress(TypedDict):
     remaining: float  # -1: unknown
     memory: int
     memory_peak: int
-    image_version: int
+    image_version: int  # grows, over starts too, when there is something new to read
     pixel_size: int
 
 class MeshArrays(TypedDict, total=False):

@@ -24,7 +24,7 @@ class Viewport:
         self.failure = ""
         self.session: Any = None
         self.sync: Any = None
-        self._drawn_version = -1
+        self._drawn_version = 0
         self._texture: Any = None
         self._pixels: NDArray[np.float32] | None = None  # the GPU buffer aliases this memory
         self._rectangle = (0.0, 0.0, 1.0, 1.0)  # of the region that the texture covers
@@ -72,6 +72,7 @@ class Viewport:
         synced.sync.set_viewport_camera(context, region, context.region_data, width, height)
         self.session, self.sync = synced.session, synced.sync
         self.failure = ""
+        self._drawn_version = 0
         self._passes = []
         self._choose_passes(scene)
         self._restart(engine)
@@ -88,8 +89,7 @@ class Viewport:
         return True
 
     def _restart(self, engine: Any) -> None:
-        self.session.start()
-        self._drawn_version = -1
+        self.session.start()  # what is drawn stays until there is a new picture
         self._keep_ticking(engine)
         engine.update_stats("Talbot", "Updating")
 

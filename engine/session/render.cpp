@@ -60,10 +60,9 @@ void render_chunk(Session::State& s, const integrator::KernelTable& kernels, con
             if (!kernels.render_unit(context, unit, *s.data.workers[size_t(index)], tile)) return;
             film.merge(tile, pixels, chunk.end - chunk.begin);
             std::lock_guard lock(s.mutex);
-            if (work) {
-                work->done += double(pixels.size()) * (chunk.end - chunk.begin);
-                s.progress.fraction = std::max(s.progress.fraction, float(work->done / work->expected));
-            }
+            if (!work) continue;  // a coarse picture is shown when it is whole
+            work->done += double(pixels.size()) * (chunk.end - chunk.begin);
+            s.progress.fraction = std::max(s.progress.fraction, float(work->done / work->expected));
             s.progress.image_version++;
         }
     });

@@ -110,7 +110,6 @@ void make_film(Session::State& s) {
     s.coarse.reset();
     s.width = plan.width;
     s.height = plan.height;
-    s.progress.image_version++;
 }
 
 }  // namespace

@@ -44,6 +44,8 @@ class FakeSession:
         self.width, self.height = 0, 0
         self.starts = 0
         self.waits = 0
+        self.building = False
+        """The last start has no picture yet."""
         self.stopped = False
         self.cancelled = False
         FakeSession.made.append(self)
@@ -73,7 +75,7 @@ class FakeSession:
             "remaining": -1.0,
             "memory": 5 << 20,
             "memory_peak": 9 << 20,
-            "image_version": self.waits,
+            "image_version": 100 * self.starts + self.waits - (100 if self.building else 0),
             "pixel_size": 1,
         }
 

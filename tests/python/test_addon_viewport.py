@@ -96,6 +96,20 @@ def test_draws_each_new_picture_once(window: Window) -> None:
         assert engine.stats[-1][1] == "Sample 3/3"
 
 
+def test_the_old_picture_stays_until_there_is_a_new_one(window: Window) -> None:
+    with fake_engine(steps=100):
+        view, engine = started(window)
+        view.draw(engine, window.context, window.depsgraph)
+        session = FakeSession.made[0]
+        session.building = True
+        view.update(engine, window.context, window.depsgraph)
+        view.draw(engine, window.context, window.depsgraph)
+        assert (session.starts, len(window.textures), len(window.drawn)) == (2, 1, 2)
+        session.building = False
+        view.draw(engine, window.context, window.depsgraph)
+        assert (len(window.textures), len(window.drawn)) == (2, 3)
+
+
 def test_resize_starts_again(window: Window) -> None:
     with fake_engine(steps=100):
         view, engine = started(window)

@@ -2,6 +2,7 @@
 // What matters most here is that the thread sanitizer has nothing to say.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <random>
 #include <thread>
@@ -65,6 +66,30 @@ TEST(Watched, EditedAndCancelledInTheMiddle) {
     }
     EXPECT_GE(done, 8);
     EXPECT_GE(cancelled, 4);
+}
+
+TEST(Watched, WhatIsNewIsNeverEmpty) {
+    Session session;
+    session.edit() = watched_scene();
+    uint64_t seen = 0;
+    for (int round = 0; round < 12; ++round) {
+        session.edit().settings.viewport = true;
+        session.edit().dirty = scene::kDirtyAll;
+        session.start();
+        int looks = 0;
+        for (bool ended = false; !ended;) {
+            ended = session.wait(1);
+            const uint64_t version = session.progress().image_version;
+            if (version == seen) continue;
+            EXPECT_GT(version, seen);
+            seen = version;
+            std::vector<float> picture;
+            ASSERT_TRUE(session.read_pass(PassKind::Combined, picture));
+            EXPECT_GT(*std::max_element(picture.begin(), picture.end()), 0.0f) << "look " << looks;
+            ++looks;
+        }
+        EXPECT_GE(looks, 1);
+    }
 }
 
 TEST(Watched, DenoisedIsTheWholePicture) {
