@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import hashlib
 import io
+import os
 import re
 import subprocess
 import sys
@@ -195,8 +197,10 @@ def test_nothing_half_written_is_left(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_a_full_disk_is_a_message(contents: archives.Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Writing to this device fails as a full disk does.
-    monkeypatch.setattr(package.os, "fsync", lambda file: open("/dev/full", "w").write("x" * 100000))
+    def full(file: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(package.os, "fsync", full)
     with pytest.raises(LauncherError, match=r"Nothing was packaged.*No space left"):
         package.package(contents, tmp_path / "dist")
     assert list((tmp_path / "dist").iterdir()) == []
