@@ -23,7 +23,8 @@ struct PlainMatrix {
 bool read_buffer(PyObject* matrix, char* out) {
     Py_buffer view;
     if (PyObject_GetBuffer(matrix, &view, PyBUF_FULL_RO) != 0) throw py::error_already_set();
-    const bool fits = view.ndim == 2 && view.len == Py_ssize_t(sizeof(Columns)) && std::string_view(view.format) == "f";
+    const std::string_view format = view.format != nullptr ? view.format : "B";
+    const bool fits = view.ndim == 2 && view.len == Py_ssize_t(sizeof(Columns)) && format == "f";
     if (fits) PyBuffer_ToContiguous(out, &view, view.len, 'F');
     PyBuffer_Release(&view);
     return fits;
