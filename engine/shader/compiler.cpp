@@ -101,7 +101,7 @@ private:
             // What varies may be brighter elsewhere than at the guess: never nothing.
             out.emission_estimate = out.emission_is_constant ? mean : std::max(mean, 1e-3f);
         }
-        if (values.transparency.valid() && shader.use_transparent_shadow) {
+        if (values.transparency.valid() && (shader.use_transparent_shadow || values.has_volume)) {
             out.transparency = add(lower(expressions, {nullptr, {}, values.transparency, {}, {}, nullptr}, constants), shader.name);
             out.transparency_is_constant = expressions.is_known(values.transparency);
             if (out.transparency_is_constant)

@@ -221,8 +221,8 @@ ShaderValues GraphCompiler::compile() {
     const scene::Node& output = graph.nodes[size_t(graph.output_node)];
     const scene::NodeInput* surface = find_input(output, "Surface");
     const scene::NodeInput* volume = find_input(output, "Volume");
-    const bool has_volume = volume && volume->from_node >= 0;
-    if (has_volume) warn(output, "Volume shaders are not supported yet: the volume is left out");
+    values.has_volume = volume && volume->from_node >= 0;
+    if (values.has_volume) warn(output, "Volume shaders are not supported yet: the volume is left out");
     displace(output);
     if (surface && surface->from_node >= 0) {
         const int root = shader_source(surface);
@@ -235,7 +235,7 @@ ShaderValues GraphCompiler::compile() {
         } else {
             warn(output, "The link to Surface comes from a socket that does not exist: nothing is drawn");
         }
-    } else if (has_volume && output.type == "ShaderNodeOutputMaterial") {
+    } else if (values.has_volume && output.type == "ShaderNodeOutputMaterial") {
         // A volume without a surface is only seen through: with the volume left out nothing of it remains.
         NodeContext(*this, graph.output_node, 0).transparent(e.literal3(1, 1, 1));
     }

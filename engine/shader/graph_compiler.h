@@ -41,6 +41,7 @@ struct ShaderValues {
     Value3 displacement;  ///< world-space offset of vertices; not valid: they stay
     std::vector<AovExpression> aovs;
     bool has_bump = false;
+    bool has_volume = false;  ///< linked, though left out: shadows see through such a surface whatever the material says
     SunDisc sun;
 };
 

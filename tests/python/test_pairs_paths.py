@@ -108,18 +108,20 @@ def test_transparent_stacks(pair_scene: Any, tmp_path: Path, limit: int) -> None
 
 
 def test_transparent_shadows(pair_scene: Any, tmp_path: Path) -> None:
-    """Shadows of sheets: half transparent, chequered and glowing, alpha, switched off; and Is Shadow Ray."""
+    """Shadows of sheets: half transparent, chequered and glowing, alpha, switched off (which a volume overrules); and
+    Is Shadow Ray."""
     look_down(pair_scene, 4.0, 0.9)
     add_plane(diffuse(), 8.0)
     half = material(lambda t: t("MixShader", in0=0.5, in1=t("BsdfTransparent"), in2=t("BsdfDiffuse")))
     opaque = material(lambda t: t("MixShader", in0=0.5, in1=t("BsdfTransparent"), in2=t("BsdfDiffuse")))
-    if hasattr(opaque.cycles, "use_transparent_shadow"):
-        opaque.cycles.use_transparent_shadow = False
-    else:
-        opaque.use_transparent_shadow = False
+    volume = material(lambda t: t("VolumeAbsorption", Density=1e-6), output="Volume")
+    for item in (opaque, volume):
+        owner = item.cycles if hasattr(item.cycles, "use_transparent_shadow") else item
+        owner.use_transparent_shadow = False
     items = [
         half,
         opaque,
+        volume,
         material(
             lambda t: t(
                 "MixShader", in0=t("TexChecker", Scale=4.0).outputs[1], in1=t("BsdfTransparent"), in2=half_glow(t)
@@ -135,7 +137,7 @@ def test_transparent_shadows(pair_scene: Any, tmp_path: Path) -> None:
             )
         ),
     ]
-    for item, place in zip(items, grid(5, 3), strict=True):
+    for item, place in zip(items, grid(6, 3), strict=True):
         add_plane(item, 0.8, location=(place[0] * 1.3, place[1] * 1.3 + 0.5, 1.4))
     add_lamp("SUN", 2.0, (0, 0.4, 3), toward=(0, 0, 0), angle=0.02)
     set_world(pair_scene, 0.1)
