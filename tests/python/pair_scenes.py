@@ -83,6 +83,13 @@ def material(build: Builder, name: str = "Pair", output: str = "Surface") -> Any
     return new
 
 
+def change_material(item: Any, **values: Any) -> Any:
+    """Sets properties that were Cycles' own in older Blenders and are the material's since."""
+    for name, value in values.items():
+        setattr(item.cycles if hasattr(item.cycles, name) else item, name, value)
+    return item
+
+
 def diffuse(color: Sequence[float] | float = 0.8) -> Any:
     """A matt material."""
     return material(lambda tree: tree("BsdfDiffuse", Color=color))

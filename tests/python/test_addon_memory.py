@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import pytest
-from pair_scenes import add_box, add_lamp, add_mesh, diffuse, look_at, material, set_world
+from pair_scenes import add_box, add_lamp, add_mesh, change_material, diffuse, look_at, material, set_world
 
 FRAMES = 200
 
@@ -42,8 +42,7 @@ def build(scene: Any) -> None:
     displacement.inputs["Scale"].default_value = 0.1
     links.new(nodes["Noise Texture"].outputs[0], displacement.inputs["Height"])
     links.new(displacement.outputs[0], nodes["Material Output"].inputs["Displacement"])
-    owner = item.cycles if hasattr(item.cycles, "displacement_method") else item
-    owner.displacement_method = "DISPLACEMENT"
+    change_material(item, displacement_method="DISPLACEMENT")
     sheet = add_sheet(60, item)
     sheet.modifiers.new("Wave", "WAVE")
     paint = diffuse()

@@ -14,6 +14,7 @@ from pair_scenes import (
     add_lamp,
     add_mesh,
     add_plane,
+    change_material,
     color_card,
     diffuse,
     glow,
@@ -37,13 +38,6 @@ def lit(scene: Any) -> None:
     scene.cycles.max_bounces = 1
 
 
-def set_method(item: Any, method: str) -> Any:
-    """BUMP, DISPLACEMENT or BOTH; Cycles' own property until 4.0, the material's since."""
-    owner = item.cycles if hasattr(item.cycles, "displacement_method") else item
-    owner.displacement_method = method
-    return item
-
-
 def displacing(method: str, build: Build, surface: Build | None = None) -> Any:
     """A material (matt, or of `surface`) with the displacement that `build` returns."""
     item = material(surface or (lambda tree: tree("BsdfDiffuse", Color=0.7)))
@@ -51,7 +45,7 @@ def displacing(method: str, build: Build, surface: Build | None = None) -> Any:
     tree.tree = item.node_tree
     output = next(node for node in tree.tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
     tree.set(output.inputs["Displacement"], build(tree))
-    return set_method(item, method)
+    return change_material(item, displacement_method=method)
 
 
 def ball(item: Any, smooth: bool = True, radius: float = 0.35, **place: Any) -> Any:

@@ -12,6 +12,7 @@ from pair_scenes import (
     add_mesh,
     add_plane,
     add_sphere,
+    change_material,
     diffuse,
     glow,
     grid,
@@ -116,8 +117,7 @@ def test_transparent_shadows(pair_scene: Any, tmp_path: Path) -> None:
     opaque = material(lambda t: t("MixShader", in0=0.5, in1=t("BsdfTransparent"), in2=t("BsdfDiffuse")))
     volume = material(lambda t: t("VolumeAbsorption", Density=1e-6), output="Volume")
     for item in (opaque, volume):
-        owner = item.cycles if hasattr(item.cycles, "use_transparent_shadow") else item
-        owner.use_transparent_shadow = False
+        change_material(item, use_transparent_shadow=False)
     items = [
         half,
         opaque,

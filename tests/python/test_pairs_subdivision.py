@@ -11,6 +11,7 @@ from pair_scenes import (
     Tree,
     add_lamp,
     add_mesh,
+    change_material,
     color_card,
     diffuse,
     glow,
@@ -145,8 +146,7 @@ def test_displaced(pair_scene: Any, tmp_path: Path) -> None:
         output = next(node for node in tree.tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
         height = tree("TexNoise", Vector=tree("TexCoord").outputs["Object"], Scale=frequency, Detail=0.0).outputs[0]
         tree.set(output.inputs["Displacement"], tree("Displacement", Height=height, Scale=scale))
-        (item.cycles if hasattr(item.cycles, "displacement_method") else item).displacement_method = "DISPLACEMENT"
-        return item
+        return change_material(item, displacement_method="DISPLACEMENT")
 
     ground = add_mesh(
         [(-4, -2, 0), (4, -2, 0), (4, 8, 0), (-4, 8, 0)],
