@@ -58,7 +58,8 @@ TALBOT_INLINE float mean_fresnel_position(float rough, float cosine, float eta) 
     return table_3d(kFresnelPosition, 0, x, r, c);
 }
 
-/// Albedo of rough glass seen from the side of index 1 to eta, and its average.
+/// Albedo of rough glass seen from the side of index 1 to eta, and its average. Facets near the critical angle bend light back to the side it came from,
+/// where it is lost; it counts here as in Cycles, so that rough glass seen from inside at a grazing angle does lose some.
 TALBOT_INLINE float glass_albedo(float rough, float cosine, float eta) {
     const TableCell x = table_cell(index_coordinate(eta), kAlbedoCoarse), r = table_cell(rough, kAlbedoCoarse), c = table_cell(cosine, kAlbedoCoarse);
     const int32_t side = eta < 1.0f ? kAlbedoCoarse * kAlbedoCoarse * kAlbedoCoarse : 0;

@@ -64,7 +64,8 @@ def directional(rough: float, mu: float, etas: list[float]) -> tuple[float, list
         position = np.clip((f - f0) / max(1.0 - f0, 1e-6), 0.0, 1.0)
         cos_t = np.sqrt(np.maximum(0.0, 1.0 - (1.0 - co * co) / (eta * eta)))
         wt_z = h[:, 2] * (co / eta - cos_t) - wo[2] / eta
-        refract = np.where(wt_z < 0.0, (1.0 + lo) / (1.0 + lo + smith(alpha, wt_z)), 0.0)
+        # Light that facets bend back to the side it came from is lost; Cycles' table counts it all the same.
+        refract = (1.0 + lo) / (1.0 + lo + smith(alpha, wt_z))
         positions.append(float(np.mean((wr_z > 0.0) * position)))
         glasses.append(float(np.mean(reflect * f + refract * (1.0 - f))))
     return float(np.mean(reflect)), positions, glasses

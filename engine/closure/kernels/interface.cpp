@@ -24,18 +24,19 @@ struct Interface {
         const float eta = clampf(index, 1e-3f, 1e3f);
         return {dist, tangent, use_tangent, eta, std::fabs(eta - 1.0f) < 1e-4f ? 1.0f : 0.0f};
     }
-    /// For wi on either side: the half vector's cosine with wo, f without Fresnel, and the density without the choice of side.
+    /// For wi on either side: the half vector's cosine with wo, f without Fresnel, and the density without the choice of side. Beyond the directions that
+    /// facets bend light to, where no sample goes, the formula goes on as in Cycles: lamps that shine from there through frosted glass are seen.
     TALBOT_MEMBER void eval(Vec3 wo, Vec3 wi, float& cosine, float& smith, float& density) const {
         const bool reflect = wi.z > 0.0f;
         const float scale = reflect ? 1.0f : eta;
         const Vec3 sum = wo + wi * scale;
         Vec3 h = normalize(sum);
         h = h * (h.z < 0.0f ? -1.0f : 1.0f);
-        const float co = dot(wo, h), ci = dot(wi, h);
-        const float denominator = maxf(square(co + eta * ci), 1e-14f);
+        const float ci = dot(wi, h), denominator = maxf(square(dot(wo, h) + eta * ci), 1e-14f);
+        const float co = std::fabs(dot(wo, h));
         const float m = reflect ? 1.0f : 0.0f;
-        const float jacobian = m / (4.0f * maxf(std::fabs(co), 1e-7f)) + (1.0f - m) * eta * eta * std::fabs(ci) / denominator;
-        const bool valid = (wo.z > 0.0f) & (co > 0.0f) & ((2.0f * m - 1.0f) * ci > 0.0f);
+        const float jacobian = m / (4.0f * maxf(co, 1e-7f)) + (1.0f - m) * eta * eta * std::fabs(ci) / denominator;
+        const bool valid = wo.z > 0.0f;
         const float over = (valid ? 1.0f : 0.0f) * (1.0f - delta(m)) * co * jacobian / maxf(wo.z, 1e-7f);
         cosine = co;
         smith = dist.d(h) * dist.g2(dist.lambda(wo), dist.lambda(wi)) * over;

@@ -270,7 +270,6 @@ bool is_excluded(const Golden& g, int tilt, bool furnace, int sun = -1) {
         if (tilt == 2 && g.version == 402 && starts("principled/spec0")) return true;
         if (starts("principled/emit")) return true;
         // Cycles evaluates transmission into directions that no facet can refract into and no sample reaches; ours is zero there.
-        if (tilt == 2 && sun == 2 && (starts("glass") || starts("principled/trans"))) return true;
     }
     if (g.version == 304) {
         // A constant offset in the reference's tile.

@@ -26,7 +26,16 @@ struct Sphere {
     }
 };
 
-/// Integral of the pdf over every bin (midpoints).
+/// Whether a sample may go there. Rough interfaces have values, Cycles' values, on the far side too where no facet can bend light to.
+bool is_reached(const Bench& bench, Vec3 wi) {
+    const bool refracts = bench.slot.type == ClosureType::MicrofacetRefract, reflects = bench.slot.type == ClosureType::MicrofacetGlass;
+    if (wi.z > 0 || !(refracts || reflects)) return true;
+    const Vec3 sum = bench.wo + wi * (refracts ? bench.values[5] : bench.values[1]);
+    const Vec3 h = sum.z < 0 ? -sum : sum;
+    return dot(bench.wo, h) > 0 && dot(wi, h) < 0;
+}
+
+/// Integral over every bin (midpoints) of the pdf, where samples may go.
 std::vector<double> expected_mass(Bench& bench, const Sphere& sphere) {
     std::vector<Vec3> directions;
     std::vector<double> area;
@@ -44,7 +53,7 @@ std::vector<double> expected_mass(Bench& bench, const Sphere& sphere) {
     for (int r = 0; r < kRows * kFine; ++r)
         for (int c = 0; c < kColumns * kFine; ++c) {
             const size_t i = size_t(r) * kColumns * kFine + c;
-            mass[r / kFine * kColumns + c / kFine] += values[i].pdf * area[i];
+            if (is_reached(bench, directions[i])) mass[r / kFine * kColumns + c / kFine] += values[i].pdf * area[i];
         }
     return mass;
 }
