@@ -7,6 +7,8 @@ import signal
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from launcher.common import say
 
 CTEST_SECONDS = 1500.0
 SHOWN = 30000  # characters of output shown for one failed step
+AT_ONCE = 2  # steps: much of each is one thread's work
 
 
 @dataclass
@@ -63,6 +66,15 @@ class Finished:
     seconds: float
 
 
+running: set[subprocess.Popen[bytes]] = set()
+"""What run_logged waits for, in all threads."""
+
+
+def kill_group(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+
+
 def run_logged(command: list[str], log: Path, timeout: float, environment: dict[str, str] | None = None) -> Finished:
     """Output into a file. A hang is ended by force (the whole group): leaving Blender is part of what is tested."""
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -76,15 +88,18 @@ def run_logged(command: list[str], log: Path, timeout: float, environment: dict[
             env=environment,
             start_new_session=True,
         )
+        running.add(process)
         try:
             code = process.wait(timeout)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
+            kill_group(process)
             process.wait()
             code = -signal.SIGALRM
         except KeyboardInterrupt:
-            os.killpg(process.pid, signal.SIGKILL)
+            kill_group(process)
             raise
+        finally:
+            running.discard(process)
     return Finished(code, log.read_text(errors="replace"), time.monotonic() - started)
 
 
@@ -113,11 +128,24 @@ def run_reporting(
     if finished.code not in good and tally.failed == 0:
         tally += Tally(failed=1)
         failures.append(f"all tests passed, but it {describe(finished.code, timeout)}\n{finished.output[-3000:]}")
-    for text in failures:
-        say(text)
-    for text in skips:
-        say(f"  {text}")
-    say(f"{title}: {tally} ({finished.seconds:.0f} s)")
+    # At once: another step may speak meanwhile.
+    say("\n".join([*failures, *(f"  {text}" for text in skips), f"{title}: {tally} ({finished.seconds:.0f} s)"]))
+    return tally
+
+
+def run_together(steps: list[Callable[[], Tally]]) -> Tally:
+    """A few at a time, in this order; each speaks when it has ended."""
+    tally = Tally()
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        futures = [pool.submit(step) for step in steps]
+        try:
+            for future in as_completed(futures):
+                tally += future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in list(running):
+                kill_group(process)
+            raise
     return tally
 
 

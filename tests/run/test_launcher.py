@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -169,3 +171,19 @@ def test_a_wrong_status_or_a_hang_at_the_end_is_a_failure(tmp_path: Path) -> Non
     assert tally.run_reporting("none", [*run, "pass"], report, 60) == tally.Tally(0, 1, 0)
     slow = f"{program}; f = open({str(report)!r}); time.sleep(600)"
     assert tally.run_reporting("hang", [*run, slow], report, 10) == tally.Tally(1, 1, 0)
+
+
+def test_steps_run_beside_each_other(tmp_path: Path) -> None:
+    counts = [partial(tally.Tally, passed=1), partial(tally.Tally, failed=1), partial(tally.Tally, skipped=1)]
+    assert tally.run_together(counts) == tally.Tally(1, 1, 1)
+
+    def broken() -> tally.Tally:
+        while not tally.running:
+            time.sleep(0.01)
+        raise OSError("no space")
+
+    endless = partial(tally.run_logged, [sys.executable, "-c", "import time; time.sleep(600)"], tmp_path / "log", 600)
+    started = time.monotonic()
+    with pytest.raises(OSError, match="no space"):
+        tally.run_together([endless, broken])
+    assert not tally.running and time.monotonic() - started < 60
