@@ -21,7 +21,14 @@ VERSION = ".".join(map(str, bl_info["version"]))
 """Also in the manifest. Read here: Blender takes `bl_info` from extensions once they are loaded, and the upgrade of a
 legacy add-on reloads this module alone."""
 
-_MODULES = (properties, engine, ui, ui_data, ui_object, ui_layer, ui_motion, compat_ui)
+_CLASSES = (
+    engine.TalbotRenderEngine,
+    *ui.CLASSES,
+    *ui_data.CLASSES,
+    *ui_object.CLASSES,
+    *ui_layer.CLASSES,
+    *ui_motion.CLASSES,
+)
 _registered = False
 
 
@@ -39,8 +46,9 @@ def register() -> None:
     problem = native.load(VERSION)
     if problem:
         print(f"Talbot: {problem}")
-    for module in _MODULES:
-        module.register()
+    properties.register()
+    properties.register_classes(_CLASSES)
+    compat_ui.register()
     _registered = True
     # Some Blender builds hang or crash at exit when a Python RenderEngine is still registered.
     atexit.register(unregister)
@@ -53,5 +61,7 @@ def unregister() -> None:
     if not _registered:
         return  # what is there belongs to another copy
     _registered = False
-    for module in reversed(_MODULES):
-        module.unregister()
+    compat_ui.unregister()
+    # Live engines are freed by Blender itself; their finalizers stop the native work.
+    properties.unregister_classes(_CLASSES)
+    properties.unregister()

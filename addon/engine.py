@@ -12,7 +12,6 @@ from typing import Any
 import bpy
 
 from . import final, native, passes, preview, reports, viewport
-from .properties import register_classes, unregister_classes
 
 
 class EngineState:
@@ -132,13 +131,3 @@ def registered_elsewhere() -> str:
             if other.is_registered:
                 return other.__module__.rpartition(".")[0] or other.__module__
     return ""
-
-
-def register() -> None:
-    """Adds the engine to Blender's list."""
-    register_classes((TalbotRenderEngine,))
-
-
-def unregister() -> None:
-    """Blender frees live engines by itself; their finalizers stop the native work."""
-    unregister_classes((TalbotRenderEngine,))

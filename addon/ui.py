@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from . import native, reports
-from .properties import TALBOT_OT_clear_settings, TALBOT_OT_copy_cycles_settings, register_classes, unregister_classes
+from .properties import TALBOT_OT_clear_settings, TALBOT_OT_copy_cycles_settings
 
 ENGINE = "TALBOT"
 
@@ -328,13 +328,3 @@ CLASSES = (
     TALBOT_RENDER_PT_performance,
     TALBOT_RENDER_PT_warnings,
 )
-
-
-def register() -> None:
-    """Adds the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Tolerant of having been called before."""
-    unregister_classes(CLASSES)

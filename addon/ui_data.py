@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 
 
@@ -250,13 +249,3 @@ CLASSES = (
     TALBOT_MATERIAL_PT_settings,
     TALBOT_CAMERA_PT_panorama,
 )
-
-
-def register() -> None:
-    """Adds the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Tolerant of having been called before."""
-    unregister_classes(CLASSES)

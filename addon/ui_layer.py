@@ -5,7 +5,6 @@ from typing import Any
 import bpy
 
 from . import passes
-from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 
 
@@ -74,13 +73,3 @@ class TALBOT_VIEWLAYER_PT_filter(_LayerPanel, bpy.types.Panel):
 
 
 CLASSES = (TALBOT_VIEWLAYER_PT_passes, TALBOT_VIEWLAYER_PT_passes_light, TALBOT_VIEWLAYER_PT_filter)
-
-
-def register() -> None:
-    """Adds the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Tolerant of having been called before."""
-    unregister_classes(CLASSES)

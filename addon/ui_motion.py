@@ -4,7 +4,6 @@ from typing import Any
 
 import bpy
 
-from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 from .ui_data import draw_properties
 from .ui_object import ObjectPanel
@@ -79,13 +78,3 @@ CLASSES = (
     TALBOT_RENDER_PT_curves,
     TALBOT_OBJECT_PT_motion_blur,
 )
-
-
-def register() -> None:
-    """Adds the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Tolerant of having been called before."""
-    unregister_classes(CLASSES)

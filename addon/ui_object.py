@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from .properties import register_classes, unregister_classes
 from .ui import TalbotPanel
 from .ui_data import draw_light_group, draw_properties
 
@@ -105,13 +104,3 @@ CLASSES = (
     TALBOT_OBJECT_PT_light_linking,
     TALBOT_OBJECT_PT_shadow_linking,
 )
-
-
-def register() -> None:
-    """Adds the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Tolerant of having been called before."""
-    unregister_classes(CLASSES)

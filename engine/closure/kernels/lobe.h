@@ -115,6 +115,13 @@ TALBOT_INLINE float bump_shadow(const LobeUniform& uniform, Vec3 n, Vec3 ns, Vec
     return uniform.polynomial != 0.0f ? old_term : new_term;
 }
 
+/// 0 where light would be refracted, below the closure's normal, and yet stay above the surface.
+template <class Lobe>
+TALBOT_INLINE float refracted_side(Vec3 n, Vec3 ns, Vec3 wi) {
+    if constexpr (!Lobe::kTransmits || Lobe::kDiffuse || kIsFibre<Lobe>) return 1.0f;
+    return (dot(n, wi) < 0.0f) & (dot(ns, wi) > 0.0f) ? 0.0f : 1.0f;
+}
+
 template <class Lobe>
 TALBOT_INLINE void eval_lanes(const LobeUniform& uniform, const ClosureColumns& columns, const ClosureGeometry& geometry, ConstColumns3 wi_columns, int n,
                               Columns3 f, float* pdf) {
@@ -129,12 +136,13 @@ TALBOT_INLINE void eval_lanes(const LobeUniform& uniform, const ClosureColumns& 
         const Rgb weight = load(c.weight, i);
         const Lobe lobe = Lobe::load(c.params, i, u);
         const LobeEval e = lobe.eval(lane, wi);
-        const float bump = kIsFibre<Lobe> ? 1.0f : bump_shadow<Lobe::kDiffuse>(u, lane.n, load(g.ns, i), wi);
+        const float side = refracted_side<Lobe>(lane.n, load(g.ns, i), wi);
+        const float bump = kIsFibre<Lobe> ? 1.0f : bump_shadow<Lobe::kDiffuse>(u, lane.n, load(g.ns, i), wi) * side;
         const bool present = is_present(weight);
         f.x[i] = present ? clean(e.f.x * bump * weight.x) : 0.0f;
         f.y[i] = present ? clean(e.f.y * bump * weight.y) : 0.0f;
         f.z[i] = present ? clean(e.f.z * bump * weight.z) : 0.0f;
-        pdf[i] = present ? clean(e.pdf) : 0.0f;
+        pdf[i] = present ? clean(e.pdf) * side : 0.0f;
     }
 }
 
