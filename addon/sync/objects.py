@@ -3,6 +3,9 @@
 An instance costs one lookup by (object, data, parent); what those three decide is read once for all their instances.
 """
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -34,6 +37,18 @@ SKIP, LIGHT = -1, -2
 GEOMETRY = ("MESH", "CURVES", "POINTCLOUD")
 
 
+@contextmanager
+def collector_paused() -> Iterator[None]:
+    """While many objects are made and none of them is garbage, Python's collector would look at all again and again."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
 class ObjectPass:
     """One pass over the instances of a depsgraph."""
 
@@ -55,6 +70,10 @@ class ObjectPass:
 
     def run(self) -> Gathered:
         """Gathers records, rows and lamps."""
+        with collector_paused():
+            return self._run()
+
+    def _run(self) -> Gathered:
         out = self.out
         instances = self.depsgraph.object_instances
         use_strand = self.view_layer.use_strand
