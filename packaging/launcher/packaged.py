@@ -5,7 +5,7 @@ official program), processes of their own: one that installs, renders and upgrad
 installed; one that finds it installed and removes it; one that uses the wheel as a Python package; one that is given
 packages of another Python and another system. tests/packaged/session.py has the steps.
 
-A plain `./talbot test` makes the packages too and takes them through two Blenders, from installing to leaving.
+`./talbot test --with-packages` takes them through two Blenders, from installing to leaving.
 """
 
 from __future__ import annotations
@@ -253,7 +253,7 @@ def run(which: list[str] | None) -> Tally:
 
 
 def run_briefly() -> Tally:
-    """Part of `./talbot test`. The stage is there already."""
+    """Part of `./talbot test --with-packages`. The stage is there already."""
     title = "packages"
     try:
         package.check_compiler()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from launcher import cli, hosts, native, tally
+from launcher import cli, hosts, native, run_tests, tally
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -187,3 +188,17 @@ def test_steps_run_beside_each_other(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="no space"):
         tally.run_together([endless, broken])
     assert not tally.running and time.monotonic() - started < 60
+
+
+@pytest.mark.parametrize("option", ["", "--all", "--with-packages"])
+@pytest.mark.parametrize("built", [True, False])
+def test_packages_wait_for_their_libraries(monkeypatch: pytest.MonkeyPatch, option: str, built: bool) -> None:
+    parser = argparse.ArgumentParser()
+    run_tests.add_arguments(parser)
+    monkeypatch.setattr(native, "build", lambda targets: None)
+    monkeypatch.setattr(native, "stage", lambda: None)
+    monkeypatch.setattr(run_tests, "run_together", lambda steps: tally.Tally(passed=1))
+    monkeypatch.setattr(run_tests.packaged, "run_briefly", lambda: tally.Tally(passed=2))
+    monkeypatch.setattr(run_tests.libraries, "missing_parts", lambda: [] if built else ["zlib"])
+    count = run_tests.run_all(parser.parse_args(option.split()))
+    assert count == (tally.Tally(passed=3) if built or option else tally.Tally(passed=1, skipped=1))

@@ -181,17 +181,21 @@ def build_part(part: Part) -> None:
     shutil.rmtree(work)
 
 
+def missing_parts() -> list[Part]:
+    """What was not built yet, or otherwise."""
+    wanted, done = recipes(), PLACE / "done"
+    return [
+        part for part in PARTS if not (done / part.name).exists() or (done / part.name).read_text() != wanted[part.name]
+    ]
+
+
 def build_all() -> Path:
     """The folder with headers and archives; seconds when nothing changed."""
     wanted = recipes()
     done = PLACE / "done"
     with locked(PLACE):
         done.mkdir(exist_ok=True)
-        missing = [
-            part
-            for part in PARTS
-            if not (done / part.name).exists() or (done / part.name).read_text() != wanted[part.name]
-        ]
+        missing = missing_parts()
         if missing:
             say(f"Building {len(missing)} libraries for the bundle, once (about 10 minutes on two cores)")
         for part in missing:
