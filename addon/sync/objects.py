@@ -68,12 +68,9 @@ class ObjectPass:
         self._sets: dict[tuple[int, ...], int] = {}
         self._attributes: dict[tuple[Any, ...], int] = {}
 
+    @collector_paused()
     def run(self) -> Gathered:
         """Gathers records, rows and lamps."""
-        with collector_paused():
-            return self._run()
-
-    def _run(self) -> Gathered:
         out = self.out
         instances = self.depsgraph.object_instances
         use_strand = self.view_layer.use_strand

@@ -129,8 +129,7 @@ def bent(build: Builder, degrees: float) -> Builder:
 def test_closures_with_bent_normals(pair_scene: Any, tmp_path: Path, degrees: float) -> None:
     """Seen from 5 and 25 degrees above the floor, so that some normals face away."""
     builders = [bent(build, degrees) for build in CLOSURES]
-    pair_scene.render.resolution_x = pair_scene.render.resolution_y = 40
-    show_values(pair_scene, tmp_path, builders, 5)
+    show_values(pair_scene, tmp_path, builders)
 
 
 def test_bump_in_a_panorama(pair_scene: Any, tmp_path: Path) -> None:

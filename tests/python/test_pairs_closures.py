@@ -43,6 +43,11 @@ def two_skies(tree: Tree) -> Any:
     return tree("MixRGB", in0=factor, in1=(0.2, 0.4, 0.9), in2=(1.0, 0.7, 0.4))
 
 
+def side(builders: list[Builder]) -> int:
+    """Of the smallest square atlas that holds them."""
+    return next(n for n in range(1, 9) if n * n >= len(builders))
+
+
 def show(
     scene: Any, path: Path, builders: list[Builder], light: str, bounces: int = 4, bounds: Bounds = BOUNDS
 ) -> None:
@@ -51,10 +56,10 @@ def show(
     Either a sun without size and no bounces: that is the closures' values alone. Or a sky that is not sampled: their
     sampling alone.
     """
-    across = next(n for n in range(1, 9) if n * n >= len(builders))
-    scene.render.resolution_x = scene.render.resolution_y = 8 * across
     if light == "grazing sun":
-        return show_values(scene, path, builders, across)
+        return show_values(scene, path, builders)
+    across = side(builders)
+    scene.render.resolution_x = scene.render.resolution_y = 8 * across
     if light == "grazing sky":
         floor_atlas(scene, builders, across, math.radians(5))
     else:
@@ -71,9 +76,11 @@ def show(
 
 
 def show_values(
-    scene: Any, path: Path, builders: list[Builder], across: int, sun: tuple[float, float, float] = (0.5, 3, 0.6)
+    scene: Any, path: Path, builders: list[Builder], sun: tuple[float, float, float] = (0.5, 3, 0.6)
 ) -> None:
     """A floor under a low sun, pixel by pixel, from two heights: what the closures are worth, without any noise."""
+    across = side(builders)
+    scene.render.resolution_x = scene.render.resolution_y = 8 * across
     add_lamp("SUN", 3.0, sun, toward=(0, 0, 0), angle=0.0)
     scene.cycles.max_bounces = 0
     objects: list[Any] = []
@@ -288,9 +295,7 @@ def test_lamps_behind_rough_glass(pair_scene: Any, tmp_path: Path, kind: str, su
         for name in distributions(kind, "sun")
         for roughness, ior in ((0.3, 1.45), (0.47, 1.1), (0.8, 1.33 if opaque else 0.7), (1.0, 1.8))
     ]
-    across = math.ceil(math.sqrt(len(builders)))
-    pair_scene.render.resolution_x = pair_scene.render.resolution_y = 8 * across
-    show_values(pair_scene, tmp_path, builders, across, sun)
+    show_values(pair_scene, tmp_path, builders, sun)
 
 
 @LIGHTS

@@ -181,29 +181,30 @@ def build_part(part: Part) -> None:
     shutil.rmtree(work)
 
 
-def missing_parts() -> list[Part]:
-    """What was not built yet, or otherwise."""
+def missing_parts() -> list[tuple[Part, str]]:
+    """What was not built yet, or otherwise, and its recipe."""
     wanted, done = recipes(), PLACE / "done"
     return [
-        part for part in PARTS if not (done / part.name).exists() or (done / part.name).read_text() != wanted[part.name]
+        (part, wanted[part.name])
+        for part in PARTS
+        if not (done / part.name).exists() or (done / part.name).read_text() != wanted[part.name]
     ]
 
 
 def build_all() -> Path:
     """The folder with headers and archives; seconds when nothing changed."""
-    wanted = recipes()
     done = PLACE / "done"
     with locked(PLACE):
         done.mkdir(exist_ok=True)
         missing = missing_parts()
         if missing:
             say(f"Building {len(missing)} libraries for the bundle, once (about 10 minutes on two cores)")
-        for part in missing:
+        for part, recipe in missing:
             say(f"  {part.name}")
             (done / part.name).unlink(missing_ok=True)
             try:
                 build_part(part)
-                (done / part.name).write_text(wanted[part.name])
+                (done / part.name).write_text(recipe)
             except OSError as error:
                 raise LauncherError(f"{part.name} could not be built: {error}") from None
     return PREFIX
