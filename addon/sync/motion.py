@@ -88,12 +88,12 @@ class MotionPass:
     def begin(self, depsgraph: Any, gathered: Gathered, handles: list[int], scene: Any, size: tuple[int, int]) -> None:
         """What may move, and where it is in the middle."""
         keys, _ = self._walk(depsgraph)
-        self._keys = [keys[row] for row in gathered.rows]
+        self._keys = [keys[row] for row in gathered.rows.tolist()]
         levels = [_level(record, "use_motion_blur") for record in gathered.records]
-        self._levels = np.array([levels[which] for which in gathered.which], dtype=np.int64)
-        self._matrices[0.5] = gathered.matrices[np.array(gathered.rows, dtype=np.int64)]
+        self._levels = np.array(levels, dtype=np.int64)[gathered.which]
+        self._matrices[0.5] = gathered.matrices[gathered.rows]
         by_velocity: set[int] = set()
-        for key, which in zip(self._keys, gathered.which, strict=True):
+        for key, which in zip(self._keys, gathered.which.tolist(), strict=True):
             record, handle = gathered.records[which], handles[which]
             level = min(levels[which], _level(record, "use_deform_motion"))
             if handle < 0 or not level or handle in by_velocity:

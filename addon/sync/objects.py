@@ -19,7 +19,7 @@ from .lights import light_values
 from .linking import LinkPass, Subject
 from .materials import ShaderSync
 from .named import named_property
-from .records import IS_HOLDOUT, IS_INSTANCE, IS_SHADOW_CATCHER, Gathered, Record
+from .records import IS_HOLDOUT, IS_INSTANCE, IS_SHADOW_CATCHER, Gathered, Record, Runs
 from .strands import HairSource, hair_sources
 from .subdivision import dicing_of
 from .unsupported import warn_kind, warn_object
@@ -64,6 +64,7 @@ class ObjectPass:
         self.out = Gathered()
         self._links = LinkPass(context)
         self._light_subjects: list[Subject] = []
+        self._light_holders: list[tuple[Any, ...]] = []
         self._names: dict[str, int] = {}
         self._sets: dict[tuple[int, ...], int] = {}
         self._attributes: dict[tuple[Any, ...], int] = {}
@@ -74,21 +75,23 @@ class ObjectPass:
         out = self.out
         instances = self.depsgraph.object_instances
         use_strand = self.view_layer.use_strand
-        cache: dict[tuple[Any, Any, Any], tuple[int, tuple[int, ...]]] = {}
-        rows, which = out.rows, out.which
+        cache: dict[tuple[Any, Any, Any, bool], tuple[bool, tuple[int, ...]]] = {}
+        runs = Runs()
         random: list[int] = []
-        last_source = last_data = last_parent = known = None
+        last_source = last_data = last_parent = last_visible = None
+        is_light, shown = False, ()
         matrices: list[Any] = []
         # One value a time: in bulk Blender walks the instances again for each, which takes longer, and before 5.0 it
         # forgets what the first object instances: that memory is never free again.
         for row, instance in enumerate(instances):
             matrices.append(instance.matrix_world.copy())
             visible = instance.show_self
-            if not visible and not (use_strand and instance.show_particles):
-                continue
-            obj = instance.object
-            data = obj.data
+            obj = instance.object if visible or (use_strand and instance.show_particles) else None
+            data = obj.data if obj is not None else None
             if data is None:
+                last_data = None
+                runs.begin(row, ())
+                random.append(0)
                 continue
             # Objects of instances are made for the step: what they stand for is what lasts.
             parent = instance.parent
@@ -96,31 +99,30 @@ class ObjectPass:
                 source, number = instance.instance_object, instance.random_id
             else:
                 source, number = obj, name_key(obj.name)
+            random.append(number)
             # Most are as the one before. The cache holds these objects: they are found again as the same.
-            if source is not last_source or data is not last_data or parent is not last_parent:
-                last_source, last_data, last_parent = key = (source, data, parent)
+            if (
+                source is not last_source
+                or data is not last_data
+                or parent is not last_parent
+                or visible is not last_visible
+            ):
+                last_source, last_data, last_parent, last_visible = key = (source, data, parent, visible)
                 known = cache.get(key)
                 if known is None:
-                    index = self._record(obj, data, parent) if visible else SKIP
                     grows = use_strand and instance.show_particles
-                    known = cache[key] = (index, self._hair_records(obj, data, parent) if grows else ())
-            index, strands = known
-            if index >= 0 and visible:
-                rows.append(row)
-                which.append(index)
-                random.append(number)
-            elif index == LIGHT:
+                    known = cache[key] = self._shown(obj, data, parent, visible, grows)
+                is_light, shown = known
+                runs.begin(row, shown)
+            if is_light:
                 self._light(obj, parent, number, column_major(matrices[row]))
-            for strand in strands:
-                rows.append(row)
-                which.append(strand)
-                random.append(number)
-        out.random = np.array(random, dtype=np.int64).astype(np.uint32)
+        out.rows, out.which = runs.expand(len(matrices))
+        out.random = np.array(random, dtype=np.int64).astype(np.uint32)[out.rows]
         out.matrices = matrix_columns(matrices)
         if self.culling is not None:
             self._cull(self.culling)
         dupli = np.array([record.flags & IS_INSTANCE for record in out.records], np.bool_)
-        real = ~dupli[np.array(out.which, dtype=np.int64)]
+        real = ~dupli[out.which]
         out.random[real] = mixed_keys(out.random[real])
         self._link()
         # Only now all shaders are known.
@@ -130,6 +132,8 @@ class ObjectPass:
         properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))
         for record in out.records if properties else ():
             record.attribute_set = self._attribute_set(record.holders, properties)
+        for light, holders in zip(out.lights if properties else (), self._light_holders, strict=False):
+            light["attributes"] = self._named_properties(holders, properties)
         if PARTICLE in wanted and dupli.any():
             self._read_particles(instances)
         return out
@@ -137,14 +141,11 @@ class ObjectPass:
     def _cull(self, culling: Culling) -> None:
         """Forgets rows that are left out, and records without a row."""
         out = self.out
-        which = np.array(out.which, dtype=np.int64)
         rules = np.array([culling.rules(record.holders[-1]) for record in out.records], np.bool_).reshape(-1, 2)
         boxes = np.array([record.holders[-1].bound_box for record in out.records], np.float32).reshape(-1, 8, 3)
-        matrices = out.matrices[np.array(out.rows, dtype=np.int64)]
-        shown = ~culling.hidden(boxes[which], matrices, *rules[which].T)
-        used, which = np.unique(which[shown], return_inverse=True)
-        out.rows = [row for row, is_shown in zip(out.rows, shown.tolist(), strict=True) if is_shown]
-        out.which = which.reshape(-1).tolist()
+        shown = ~culling.hidden(boxes[out.which], out.matrices[out.rows], *rules[out.which].T)
+        used, which = np.unique(out.which[shown], return_inverse=True)
+        out.rows, out.which = out.rows[shown], which.reshape(-1)
         out.random = out.random[shown]
         out.records = [out.records[index] for index in used.tolist()]
 
@@ -159,7 +160,7 @@ class ObjectPass:
         """Instances one by one: Blender has no bulk call that tells their particles. Each gets a record of its own."""
         out, frame = self.out, self.depsgraph.scene_eval.frame_current_final
         shown: dict[int, list[int]] = {}
-        for place, row in enumerate(out.rows):
+        for place, row in enumerate(out.rows.tolist()):
             shown.setdefault(row, []).append(place)
         for row, instance in enumerate(instances):
             system = instance.particle_system if row in shown and instance.is_instance else None
@@ -185,7 +186,16 @@ class ObjectPass:
         if values is not None:
             values["light_group"] = self.context.light_group(obj, parent)
             self.out.lights.append(values)
+            holder = parent if parent is not None else obj
+            values |= {"object_color": tuple(holder.color), "pass_index": obj.pass_index}
             self._light_subjects.append(self._links.subject(obj, parent))
+            self._light_holders.append(self._holders(obj, parent))
+
+    def _shown(self, obj: Any, data: Any, parent: Any, visible: bool, grows: bool) -> tuple[bool, tuple[int, ...]]:
+        """Whether it is a lamp, and the records of what it shows: itself, strands that grow on it."""
+        index = self._record(obj, data, parent) if visible else SKIP
+        strands = self._hair_records(obj, data, parent) if grows else ()
+        return index == LIGHT, ((index, *strands) if index >= 0 else strands)
 
     def _record(self, obj: Any, data: Any, parent: Any) -> int:
         kind = obj.type
@@ -236,7 +246,7 @@ class ObjectPass:
             owners.add(("Object", parent.original.name_full))
         shading = getattr(obj, "shadow_terminator_shading_offset", None)
         geometry = getattr(obj, "shadow_terminator_geometry_offset", None)
-        holders = tuple(h.original.evaluated_get(self.depsgraph) for h in (parent, obj) if h is not None)
+        holders = self._holders(obj, parent)
         whole = hair is None and holders[-1].data == data
         self.out.records.append(
             Record(
@@ -264,6 +274,10 @@ class ObjectPass:
             )
         )
         return len(self.out.records) - 1
+
+    def _holders(self, obj: Any, parent: Any) -> tuple[Any, ...]:
+        """Instancer, if any, and object: those that last longer than the step of the walk."""
+        return tuple(h.original.evaluated_get(self.depsgraph) for h in (parent, obj) if h is not None)
 
     def _visibility(self, obj: Any, parent: Any) -> int:
         mask = 0
@@ -300,15 +314,7 @@ class ObjectPass:
         return index
 
     def _attribute_set(self, holders: tuple[Any, ...], properties: list[str]) -> int:
-        """Custom properties that some shader asks for by name. Instances have the colour of their instancer."""
-        owners = {"object": holders[-1:], "instancer": holders, "layer": (self.view_layer, self.depsgraph.scene_eval)}
-        values = []
-        for wanted in properties:
-            prefix, name = wanted.split(":", 1)
-            asked = holders[:1] if wanted == "object:color" else owners[prefix]
-            found = next((v for v in (named_property(owner, name) for owner in asked) if v), None)
-            if found is not None:
-                values.append((wanted, found))
+        values = self._named_properties(holders, properties)
         if not values:
             return -1
         key = tuple(values)
@@ -317,6 +323,18 @@ class ObjectPass:
             index = self._attributes[key] = len(self.out.attribute_sets)
             self.out.attribute_sets.append(values)
         return index
+
+    def _named_properties(self, holders: tuple[Any, ...], properties: list[str]) -> list[tuple[str, tuple[float, ...]]]:
+        """Custom properties that some shader asks for by name. Instances have the colour of their instancer."""
+        owners = {"object": holders[-1:], "instancer": holders}
+        values = []
+        for wanted in properties:
+            prefix, name = wanted.split(":", 1)
+            asked = holders[:1] if wanted == "object:color" else owners[prefix]
+            found = next((v for v in (named_property(owner, name) for owner in asked) if v), None)
+            if found is not None:
+                values.append((wanted, found))
+        return values
 
 
 def particle_values(particles: Any, index: int, frame: float) -> list[tuple[str, tuple[float, ...]]]:

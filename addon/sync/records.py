@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,14 +45,38 @@ class Record:
         return (self.hair.owner.original.as_pointer(), self.hair.index)
 
 
+class Runs:
+    """What each row of the depsgraph's instances shows: neighbours that show the same cost one entry together."""
+
+    def __init__(self) -> None:
+        self._starts: list[int] = []
+        self._shown: list[tuple[int, ...]] = []
+
+    def begin(self, row: int, shown: tuple[int, ...]) -> None:
+        """From this row on, until the next beginning: these records."""
+        self._starts.append(row)
+        self._shown.append(shown)
+
+    def expand(self, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Of each thing shown by so many rows: its row, and its record."""
+        lengths = np.diff(np.array([*self._starts, rows], np.int64))
+        sizes = np.array([len(shown) for shown in self._shown], np.int64)
+        records = np.array(list(chain.from_iterable(self._shown)), np.int64)
+        per_row = np.repeat(sizes, lengths)
+        row = np.repeat(np.arange(rows), per_row)
+        # A row's records lie in `records` from where its run's do.
+        skipped = np.repeat(np.cumsum(sizes) - sizes, lengths) - (np.cumsum(per_row) - per_row)
+        return row, records[np.arange(len(row)) + np.repeat(skipped, per_row)]
+
+
 @dataclass
 class Gathered:
     """The result of the pass. `mesh`, `holders` and `hair` of the records are Blender's: for the same callback only."""
 
     records: list[Record] = field(default_factory=list)
-    rows: list[int] = field(default_factory=list)
+    rows: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """Of the instances that are shown; for each of them its record and its random number."""
-    which: list[int] = field(default_factory=list)
+    which: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     lights: list[dict[str, Any]] = field(default_factory=list)
     linked: Resolved | None = None
     names: list[str] = field(default_factory=list)
@@ -65,14 +90,14 @@ class Gathered:
 def object_arrays(gathered: Gathered, mesh_handles: list[int]) -> dict[str, Any]:
     """The dictionary for `Session.set_objects`. `mesh_handles` by record."""
     records = gathered.records
-    rows = np.array(gathered.rows, dtype=np.int64)
+    rows = gathered.rows
 
     def column(values: list[Any], dtype: Any, columns: int = 1) -> Any:
         return np.array(values, dtype=dtype).reshape((len(records), columns) if columns > 1 else len(records))
 
     arrays: dict[str, Any] = {
         "matrix": np.ascontiguousarray(gathered.matrices[rows]),
-        "traits": np.array(gathered.which, dtype=np.int32),
+        "traits": gathered.which.astype(np.int32),
         "random": gathered.random,
         "mesh": column(mesh_handles, np.int32),
         "name": column([r.name for r in records], np.int32),
