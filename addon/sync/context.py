@@ -21,7 +21,7 @@ POINTINESS = "@pointiness"
 ISLAND = "@island"
 PARTICLE = "@particle"
 CURVE_NORMAL = "@curve_normal"
-PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:", "VIEW_LAYER": "layer:"}
+PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:"}
 """Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, the instancer's coordinates, and what
 topology gives."""
 
@@ -36,7 +36,7 @@ class Interrupted(Exception):
 
 @dataclass
 class SyncContext:
-    """Lives as long as its session; holds names and handles, never Blender's data."""
+    """Lives as long as its session; holds names and handles, and Blender's data where it says so."""
 
     session: Any
     version: int = 502
@@ -58,6 +58,9 @@ class SyncContext:
     seconds: float = 0.0
     """The scene's time, for Scene Time nodes."""
 
+    layers: tuple[Any, ...] = ()
+    """View layer and scene, whose properties Attribute nodes read: Blender's, for the same callback only."""
+
     def light_group(self, holder: Any, instancer: Any = None) -> int:
         """Place of the group that a thing is in; -1: in none of the layer's. Its instancer's, where it says nothing."""
         name = holder.lightgroup
@@ -65,8 +68,9 @@ class SyncContext:
             name = instancer.lightgroup
         return self.light_groups.get(name, -1)
 
-    def set_time(self, scene: Any) -> bool:
-        """True when it differs from before."""
+    def set_scene(self, scene: Any, view_layer: Any) -> bool:
+        """What shaders read of both. True when the time differs from before."""
+        self.layers = view_layer, scene
         before = self.frame, self.seconds
         self.frame = scene.frame_current + scene.frame_subframe
         self.seconds = self.frame * scene.render.fps_base / scene.render.fps

@@ -88,7 +88,7 @@ class SceneSync:
         with context.timed("settings"):
             self._send_settings(scene, view_layer, width, height, preview)
         warn_scene(context, scene)
-        context.set_time(scene)
+        context.set_scene(scene, view_layer)
         self.shaders.begin(None)
         if viewport:
             self._sync_scene(depsgraph, scene, view_layer, Changes(objects=True, scene=True))
@@ -121,7 +121,7 @@ class SceneSync:
             self._send_settings(scene, view_layer, width, height)
         self.images.begin(changes.images)
         self.images.refresh()
-        context.set_time(scene)
+        context.set_scene(scene, view_layer)
         self.shaders.begin(None)
         self._sync_frame(depsgraph, scene, view_layer, changes, (width, height), set_frame)
         return SyncResult(list(context.warnings), dict(context.timings))
@@ -158,6 +158,7 @@ class SceneSync:
     ) -> None:
         set_frame(*shutter.frame(0.5))
         scene = depsgraph.scene_eval
+        self.context.set_scene(scene, depsgraph.view_layer_eval)
         gathered, handles, _ = self._sync_scene(depsgraph, scene, depsgraph.view_layer_eval, changes)
         self._send_frame_camera(depsgraph, scene, size)
         with self.context.timed("motion"):
@@ -299,7 +300,8 @@ class SceneSync:
             changed |= self._send_settings(scene, view_layer, self._settings["width"], self._settings["height"])
         self.images.begin(changes.images)
         changed |= self.images.refresh()
-        changes.all_shaders |= self.context.set_time(scene) and self.shaders.reads_time
+        changes.all_shaders |= self.context.set_scene(scene, view_layer) and self.shaders.reads_time
+        changes.all_shaders |= changes.scene and self.shaders.reads_layer
         self.shaders.begin(None if changes.all_shaders else changes.shading)
         if changes.only_shading() and self._update_shaders(depsgraph, scene, view_layer):
             return changed or self.shaders.sent

@@ -85,6 +85,8 @@ class ShaderSync:
         """Whether the last pass changed a shader."""
         self.reads_time = False
         """Whether some shader has shown the scene's time."""
+        self.reads_layer = False
+        """Or a property of the view layer."""
 
     def clear(self) -> None:
         """Forgets and removes everything."""
@@ -182,6 +184,7 @@ class ShaderSync:
         builder = GraphBuilder(self.context, self.images, owner, inlined is not None)
         graph = builder.build(tree, output)
         self.reads_time |= builder.reads_time
+        self.reads_layer |= builder.reads_layer
         self._wanted[key], self._images[key] = frozenset(builder.wanted), frozenset(builder.image_handles)
         return graph
 

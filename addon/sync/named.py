@@ -20,6 +20,13 @@ def named_property(holder: Any, name: str) -> tuple[float, ...] | None:
     return None
 
 
+def color_and_number(values: tuple[float, ...]) -> tuple[float, float, float, float, float]:
+    """What an Attribute node makes of 1 to 4 numbers: Color, Alpha and Fac, as op_attribute of the engine does."""
+    red, green, blue = (values * 3 if len(values) == 1 else (*values, 0.0))[:3]
+    alpha = values[3] if len(values) == 4 else 1.0
+    return red, green, blue, alpha, red if len(values) <= 2 else (red + green + blue) / 3.0
+
+
 def _numbers(value: Any) -> tuple[float, ...] | None:
     if isinstance(value, (bool, int, float)):
         return (float(value),)

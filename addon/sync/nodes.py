@@ -27,6 +27,7 @@ from .context import (
 )
 from .ies import BadFile, ies_text, parse_ies
 from .images import ImageSync
+from .named import color_and_number, named_property
 from .nodes_flatten import FlatNode, Flattener, Source
 
 KINDS = {
@@ -96,7 +97,7 @@ class GraphBuilder:
         self.owner = owner
         self.wanted: set[str] = set()
         self.image_handles: set[int] = set()
-        self.reads_time = False
+        self.reads_time = self.reads_layer = False
         self._nodes: list[dict[str, Any]] = []
 
     def build(self, tree: Any, output: Any) -> dict[str, Any]:
@@ -201,6 +202,9 @@ class GraphBuilder:
                 out["object_matrix"] = matrix_rows(value.matrix_world.inverted_safe())
         if node.type == "OUTPUT_AOV":
             out["aov_name"] = aov_name(node)
+        elif out.get("attribute_type") == "VIEW_LAYER":
+            self.reads_layer = True
+            out["layer_value"] = layer_value(self.context.layers, out["attribute_name"])
         if getattr(node, "sample_attribute_items", None):
             out.update(sampled_attributes(node))
         return out
@@ -232,7 +236,7 @@ class GraphBuilder:
             wanted.update(name for socket, name in GEOMETRY_ATTRIBUTES.items() if socket in linked)
         elif kind == "ShaderNodeVertexColor":
             wanted.add(properties.get("layer_name") or ACTIVE_COLOR)
-        elif kind == "ShaderNodeAttribute" and properties.get("attribute_name"):
+        elif kind == "ShaderNodeAttribute" and properties.get("attribute_name") and "layer_value" not in properties:
             prefix = PROPERTY_PREFIXES.get(properties.get("attribute_type", "GEOMETRY"), "")
             wanted.add(prefix + properties["attribute_name"])
         elif kind == "ShaderNodeNormalMap" and properties.get("space") == "TANGENT":
@@ -264,6 +268,12 @@ class GraphBuilder:
             wanted.add(GENERATED)
         if properties.get("from_instancer"):
             wanted.add(INSTANCER)
+
+
+def layer_value(layers: tuple[Any, ...], name: str) -> NDArray[np.float32]:
+    """Colour, alpha and number of a property of the view layer, or of the scene; zeros where neither has it."""
+    found = next((value for value in (named_property(owner, name) for owner in layers) if value), None)
+    return np.array(color_and_number(found) if found else (0.0,) * 5, dtype=np.float32)
 
 
 def sampled_attributes(node: Any) -> dict[str, str]:

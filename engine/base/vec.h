@@ -82,6 +82,10 @@ TALBOT_INLINE Vec3 lerp(Vec3 a, Vec3 b, float t) {
 TALBOT_INLINE float max_component(Vec3 a) {
     return maxf(a.x, maxf(a.y, a.z));
 }
+/// The largest component, whatever its sign.
+TALBOT_INLINE float max_magnitude(Vec3 a) {
+    return maxf(std::fabs(a.x), maxf(std::fabs(a.y), std::fabs(a.z)));
+}
 TALBOT_INLINE float mean(Vec3 a) {
     return (a.x + a.y + a.z) * (1.0f / 3.0f);
 }

@@ -84,6 +84,7 @@ struct ShadowQueue {
     geometry::HitColumns hit;        ///< for rays that look for transparent surfaces
     int32_t *list = nullptr, *going = nullptr, *shader = nullptr;
     int32_t* crossed = nullptr;  ///< transparent surfaces met
+    float* passed = nullptr;     ///< length of the way to the last of them
     uint8_t* blocked = nullptr;
 };
 

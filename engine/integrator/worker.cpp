@@ -15,6 +15,7 @@ shader::ShadingSpan take_span(Arena& arena) {
     s.p = take3(arena, kSpan);
     s.n_s = take3(arena, kSpan);
     s.n_g = take3(arena, kSpan);
+    s.origin = take3(arena, kSpan);
     s.wo = take3(arena, kSpan);
     for (float** column : {&s.u, &s.v, &s.ray_length, &s.footprint}) *column = arena.take<float>(kSpan);
     for (int32_t** column : {&s.object, &s.primitive, &s.constants, &s.ray_flags, &s.backfacing, &s.depth, &s.diffuse_depth, &s.glossy_depth,
@@ -50,7 +51,7 @@ Worker::Worker(int max_registers) : arena_(worker_bytes(max_registers)) {
 
     ShadowQueue& q = shadow;
     for (Columns3* c : {&q.origin, &q.direction, &q.rgb, &q.diffuse_share, &q.glossy_share}) *c = take3(arena_, kShadowCapacity);
-    for (float** c : {&q.t_max, &q.time, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
+    for (float** c : {&q.t_max, &q.time, &q.passed, &q.hit.t, &q.hit.u, &q.hit.v}) *c = arena_.take<float>(kShadowCapacity);
     for (int32_t** c :
          {&q.pixel, &q.indirect, &q.lane, &q.bounces, &q.visibility, &q.light_group, &q.hit.object, &q.hit.primitive, &q.list, &q.going, &q.shader, &q.crossed})
         *c = arena_.take<int32_t>(kShadowCapacity);

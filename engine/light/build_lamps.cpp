@@ -190,7 +190,6 @@ void add_lamps(const scene::Scene& scene, const shader::Programs& programs, Repo
         const LampShader own = lamp_shader(light, programs);
         const int32_t group = scene::known_light_group(scene, light.light_group);
         if (light.type == scene::LightType::Sun) {
-            if (own.program_shader >= 0 && light.sun_angle > 0) report.warning("The textured disc of a sun is seen with its mean colour", light.name);
             add_sun(light, scene::Handle(i), group, today, own, table);
             continue;
         }

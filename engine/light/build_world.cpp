@@ -63,9 +63,9 @@ float disc_mean(const shader::Programs& programs, const shader::ShaderContext& c
         const float angle = float(2 * M_PI) * (float(i % kSpokes) + 0.5f) / kSpokes;
         store(direction, i, map.sun * (1 - drop) + map.sun_x * (radius * std::cos(angle)) + map.sun_y * (radius * std::sin(angle)));
     }
-    evaluate_background(programs, context, memory.scratch, handle, direction, nullptr, kCount, radiance);
+    evaluate_background(programs, context, memory.scratch, handle, direction, {}, kCount, radiance);
     double sum = 0;
-    for (int i = 0; i < kCount; ++i) sum += double(maxf(mean(load(radiance, i)), 0.0f));
+    for (int i = 0; i < kCount; ++i) sum += double(lane_abs(mean(load(radiance, i))));
     return float(sum / kCount);
 }
 
@@ -188,8 +188,8 @@ float add_world(const scene::Scene& scene, const shader::Programs& programs, con
                 const int n = std::min(kSpan, fine_width - x0);
                 const float v = (float(row) + 0.5f) / float(fine_height);
                 for (int i = 0; i < n; ++i) store(direction, i, beside_sun(map, map_direction((float(x0 + i) + 0.5f) / float(fine_width), v)));
-                evaluate_background(programs, context, memory.scratch, handle, direction, nullptr, n, radiance);
-                for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = maxf(mean(load(radiance, i)), 0.0f);
+                evaluate_background(programs, context, memory.scratch, handle, direction, {}, n, radiance);
+                for (int i = 0; i < n; ++i) fine[row * size_t(fine_width) + size_t(x0 + i)] = lane_abs(mean(load(radiance, i)));
             }
         }
     });

@@ -203,7 +203,7 @@ struct EmitterView {
     int sun_count = 0;
     bool has_lamp_programs = false;
     bool has_mesh_programs = false;
-    bool hits_keep_normals = false;  ///< before 4.0, shaders of round lamps that rays hit read their normal (and IES tables) without the lamp's turn
+    bool hits_keep_normals = false;  ///< before 4.0, shaders of lamps that rays hit read their normal (and IES tables) without the lamp's turn
     WorldMap world;
     float distant_scale[scene::kReceiverSets];  ///< by receiver set: 1 / probability of all distant emitters that light it; 0: none does
     int world_shader = -1;

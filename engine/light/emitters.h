@@ -48,11 +48,16 @@ struct EmitterSummary {
 };
 EmitterSummary summarize(const EmitterTable& table);
 
+/// Bounces so far of the paths that ask for light or find it, in all and by kind, for Light Path; null: none.
+struct PathDepths {
+    const int32_t *bounces = nullptr, *diffuse = nullptr, *glossy = nullptr, *transparent = nullptr, *transmission = nullptr;
+};
+
 /// Shading points that want light (n lanes).
 struct LightQuery {
     ConstColumns3 p, n_s;
     const float *pick_u = nullptr, *pick_v = nullptr, *u = nullptr, *v = nullptr;  ///< random pairs in [0,1)
-    const int32_t* bounce = nullptr;                                               ///< of the shading point (lamps' max_bounces)
+    PathDepths depths;                                                             ///< of the shading point; `bounces` (for lamps' limits) is not null
     const int32_t* receiver = nullptr;                                             ///< its object's receiver set; null: everything is lit
     const float* time = nullptr;                                                   ///< of the shutter, 0..1; null: nothing moves
     int n = 0;
@@ -94,7 +99,8 @@ void pdf_triangles(const EmitterTable& table, const scene::SceneView& scene, Con
 struct EmissiveHits {
     ConstColumns3 origin, direction;
     const float *distance = nullptr, *u = nullptr, *v = nullptr;
-    const int32_t *object = nullptr, *primitive = nullptr, *shader = nullptr, *ray_flags = nullptr, *bounces = nullptr;
+    const int32_t *object = nullptr, *primitive = nullptr, *shader = nullptr, *ray_flags = nullptr;
+    PathDepths depths;
     const float* time = nullptr;
     int n = 0;
 };
@@ -113,14 +119,15 @@ enum class Met : uint8_t { ByPaths, Linked };
 void intersect_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const float* t_max, const int32_t* visibility, int n,
                      int32_t* emitter, float* t, const float* t_min = nullptr, Met met = Met::ByPaths);
 /// Radiance of that lamp towards the ray's origin and its sampling density there. Origin is the vertex that scattered the ray (soft point lamps turn towards
-/// it). `bounce` is that vertex's, for lamps whose nodes ask (null: 0). A lamp's max_bounces is for light samples only, as in Cycles. `receiver` is the set of
+/// it). `depths` are those of the rays, for lamps whose nodes ask. A lamp's max_bounces is for light samples only, as in Cycles. `receiver` is the set of
 /// the object there, -1: the camera, which sees everything (null: everything is lit).
-void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, const int32_t* ray_flags,
-                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
-                 const int32_t* bounce = nullptr, const int32_t* receiver = nullptr);
+void shade_lamps(const EmitterTable& table, ConstColumns3 origin, ConstColumns3 direction, const int32_t* emitter, const float* t, int n,
+                 const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
+                 const PathDepths& depths = {}, const int32_t* receiver = nullptr);
 /// Suns with a disc seen by rays that leave the scene: sum of their radiance (times the MIS weight against bsdf_pdf by the power heuristic; bsdf_pdf < 0:
 /// weight 1). n <= kSpan. `sun`: one of the summary's alone; -1: all.
-void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
+void shade_suns(const EmitterTable& table, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, const shader::Programs& programs,
+                const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, const PathDepths& depths = {},
                 const int32_t* receiver = nullptr, Met met = Met::ByPaths, int sun = -1);
 /// Mask of the shadow rays to a lamp, or a sun; 0: nothing casts a shadow.
 int32_t lamp_blockers(const EmitterTable& table, int32_t lamp);

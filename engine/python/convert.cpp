@@ -191,6 +191,10 @@ void Fields::operator()(const char* name, scene::Linking& out) {
     if (const py::handle value = find(name)) out = read_linking(value);
 }
 
+void Fields::operator()(const char* name, std::vector<scene::Attribute>& out) {
+    if (const py::handle value = find(name)) out = read_object_attributes(value);
+}
+
 void Fields::operator()(const char* name, Affine& out) {
     if (!values_.contains(name)) {
         names_.push_back(name);
@@ -246,6 +250,22 @@ scene::Linking read_linking(py::handle pair) {
     const auto [receivers, blockers] = py::cast<std::pair<uint64_t, int32_t>>(pair);
     if (blockers < -1 || blockers >= scene::kBlockerGroups) throw Error("Light linking: there is no such blocker group");
     return {receivers, blockers};
+}
+
+std::vector<scene::Attribute> read_object_attributes(py::handle pairs) {
+    std::vector<scene::Attribute> set;
+    for (const py::handle pair : pairs) {
+        const py::tuple t = py::cast<py::tuple>(pair);
+        if (t.size() != 2) throw py::value_error("An object's attribute must be (name, values)");
+        scene::Attribute a;
+        a.name = py::cast<std::string>(t[0]);
+        a.domain = scene::Domain::Object;
+        for (const py::handle number : t[1]) a.data.push_back(py::cast<float>(number));
+        if (a.data.empty() || a.data.size() > 4) throw py::value_error("Attribute '" + a.name + "' must have 1 to 4 values");
+        a.components = uint8_t(a.data.size());
+        set.push_back(std::move(a));
+    }
+    return set;
 }
 
 Affine affine_from_columns(const float* columns) {

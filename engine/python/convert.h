@@ -97,7 +97,8 @@ public:
     void operator()(const char* name, std::string& out);
     void operator()(const char* name, Vec3& out);
     void operator()(const char* name, scene::Linking& out);
-    void operator()(const char* name, Affine& out);  ///< 16 floats, column-major
+    void operator()(const char* name, std::vector<scene::Attribute>& out);  ///< of an object
+    void operator()(const char* name, Affine& out);                         ///< 16 floats, column-major
     void operator()(const char* name, std::span<float> out);
     void operator()(const char* name, std::vector<int>& out);
     void operator()(const char* name, std::vector<uint8_t>& out);  ///< bytes
@@ -122,6 +123,9 @@ private:
 
 /// (receivers, blockers) of light linking.
 scene::Linking read_linking(py::handle pair);
+
+/// Pairs (name, 1 to 4 values): custom properties of an object.
+std::vector<scene::Attribute> read_object_attributes(py::handle pairs);
 
 /// 16 floats, column-major as Blender's foreach_get gives matrices.
 Affine affine_from_columns(const float* columns);

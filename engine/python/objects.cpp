@@ -59,21 +59,7 @@ std::vector<std::vector<Attribute>> read_attribute_sets(ArrayDict& arrays) {
     std::vector<std::vector<Attribute>> sets;
     const py::object list = arrays.value("attribute_sets");
     if (list.is_none()) return sets;
-    for (const py::handle item : list) {
-        std::vector<Attribute> set;
-        for (const py::handle pair : item) {
-            const py::tuple t = py::cast<py::tuple>(pair);
-            if (t.size() != 2) throw py::value_error("An object's attribute must be (name, values)");
-            Attribute a;
-            a.name = py::cast<std::string>(t[0]);
-            a.domain = Domain::Object;
-            for (const py::handle number : t[1]) a.data.push_back(py::cast<float>(number));
-            if (a.data.empty() || a.data.size() > 4) throw py::value_error("Attribute '" + a.name + "' must have 1 to 4 values");
-            a.components = uint8_t(a.data.size());
-            set.push_back(std::move(a));
-        }
-        sets.push_back(std::move(set));
-    }
+    for (const py::handle item : list) sets.push_back(read_object_attributes(item));
     return sets;
 }
 

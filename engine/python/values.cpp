@@ -177,6 +177,9 @@ Light read_light(const py::dict& values) {
     f("max_bounces", l.max_bounces);
     f("light_group", l.light_group);
     f("random", l.random);
+    f("object_color", std::span<float>(l.object_color));
+    f("pass_index", l.pass_index);
+    f("attributes", l.attributes);
     f("linking", l.linking);
     f("is_shadow_catcher", l.is_shadow_catcher);
     f.finish();

@@ -24,6 +24,7 @@ size_t memory_of(const Mesh& m) {
 
 size_t memory_of(const Scene& scene, const SceneTables& tables) {
     size_t sum = bytes(scene.objects, tables.to_object, scene.duplis, scene.motion.of_objects);
+    sum += bytes(scene.lights, tables.lamps, tables.lamp_attributes);
     sum += bytes(scene.traits, tables.traits, scene.motion.objects, tables.motions, tables.meshes, tables.attributes);
     for (const std::vector<Affine>& maps : scene.motion.objects) sum += bytes(maps);
     std::unordered_set<const Mesh*> seen;

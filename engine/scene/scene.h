@@ -215,6 +215,10 @@ struct Light {
     int max_bounces = 1024;
     Handle light_group = kNone;  ///< into Scene::light_groups
     uint32_t random = 0;
+    // What its nodes see of its object, besides its place and random number.
+    float object_color[4] = {1, 1, 1, 1};
+    int32_t pass_index = 0;
+    std::vector<Attribute> attributes;  ///< Domain::Object
     Linking linking;
     bool is_shadow_catcher = true;  ///< its light belongs to what shadow catchers stand for
 };

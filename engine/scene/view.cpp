@@ -237,4 +237,23 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
     tables.view.camera = &scene.camera;
 }
 
+void make_lamp_views(const Scene& scene, SceneTables& tables) {
+    const size_t names = tables.attribute_names.size();
+    tables.lamps.assign(scene.lights.size(), {});
+    tables.lamp_attributes.assign(scene.lights.size() * names, {});
+    for (size_t i = 0; i < scene.lights.size(); ++i) {
+        const Light& light = scene.lights[i];
+        LampView& out = tables.lamps[i];
+        out.location = {light.to_world.m[0][3], light.to_world.m[1][3], light.to_world.m[2][3]};
+        std::copy(light.object_color, light.object_color + 4, out.color);
+        out.pass_index = light.pass_index;
+        out.random = light.random;
+        if (names == 0) continue;
+        AttributeView* row = tables.lamp_attributes.data() + i * names;
+        view_attributes(light.attributes, tables.attribute_names, nullptr, row);
+        out.attributes = row;
+    }
+    tables.view.lamps = data_or_null(tables.lamps);
+}
+
 }  // namespace talbot::scene

@@ -44,11 +44,9 @@ inline constexpr const char* kParticleLocation = "@particle_location";
 inline constexpr const char* kParticleVelocity = "@particle_velocity";
 inline constexpr const char* kParticleSpin = "@particle_spin";
 
-/// What custom properties of an object, its instancer and the view layer begin with in the sets of objects: the three may say different things by
-/// one name.
+/// What custom properties of an object and of its instancer begin with in the sets of objects: the two may say different things by one name.
 inline constexpr const char* kOfObject = "object:";
 inline constexpr const char* kOfInstancer = "instancer:";
-inline constexpr const char* kOfViewLayer = "layer:";
 
 /// How many straight pieces a ribbon's segment is traced as: 1 to 16.
 int ribbon_pieces(const Mesh& mesh);
@@ -105,6 +103,15 @@ struct TraitsView {
     const AttributeView* attributes = nullptr;  ///< Object-domain values, attribute_count entries
 };
 
+/// What the nodes of a lamp see of its object.
+struct LampView {
+    Vec3 location;
+    float color[4] = {1, 1, 1, 1};
+    int32_t pass_index = 0;
+    uint32_t random = 0;
+    const AttributeView* attributes = nullptr;  ///< attribute_count entries
+};
+
 /// kNone for groups that the scene has not.
 Handle known_light_group(const Scene& scene, Handle group);
 
@@ -124,6 +131,7 @@ struct SceneView {
     const Handle* motion_handles = nullptr;  ///< by object, into `motions`; null: all stand still
     const Dupli* duplis = nullptr;           ///< by object; null: all 0
     const MeshView* meshes = nullptr;
+    const LampView* lamps = nullptr;          ///< by light of the scene
     const int32_t* material_slots = nullptr;  ///< shader handle; a missing material is the default shader (see SceneTables::default_shader)
     int32_t attribute_count = 0;
     bool has_strands = false;  ///< some mesh is made of curves or points
@@ -162,6 +170,8 @@ struct SceneTables {
     std::vector<MotionView> motions;
     std::vector<MeshView> meshes;
     std::vector<AttributeView> attributes;
+    std::vector<LampView> lamps;
+    std::vector<AttributeView> lamp_attributes;
     std::vector<int32_t> material_slots;
     std::unordered_map<Handle, MappedNormals> mapped_normals;  ///< by mesh
     std::vector<std::string> attribute_names;                  ///< index = AttributeId; the compiler adds the names that shaders ask for
@@ -180,5 +190,7 @@ bool has_blockers(const Scene& scene);
 /// takes such meshes to world space first.
 /// `tables.attribute_names` must hold the names the shaders ask for (compile first); they stay. `pool` shares the work; null: nobody does.
 void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tables, WorkerPool* pool = nullptr);
+/// The part of it that says what the nodes of lamps see.
+void make_lamp_views(const Scene& scene, SceneTables& tables);
 
 }  // namespace talbot::scene

@@ -130,6 +130,12 @@ void check_linking(const Linking& linking, const std::string& where) {
     demand(linking.blockers >= -1 && linking.blockers < kBlockerGroups, "a blocker group that does not exist", where);
 }
 
+void check_object_attributes(const std::vector<Attribute>& set) {
+    for (const Attribute& attribute : set)
+        demand(attribute.components >= 1 && attribute.components <= 4 && attribute.data.size() >= attribute.components, "too few values",
+               "attribute '" + attribute.name + "'");
+}
+
 }  // namespace
 
 void check_scene(const Scene& scene) {
@@ -139,10 +145,7 @@ void check_scene(const Scene& scene) {
     check_motion(scene.motion);
     for (const auto& set : scene.material_sets)
         for (Handle shader : set) check_handle(shader, scene.shaders.size(), "material", "a material set");
-    for (const auto& set : scene.object_attribute_sets)
-        for (const Attribute& attribute : set)
-            demand(attribute.components >= 1 && attribute.components <= 4 && attribute.data.size() >= attribute.components, "too few values",
-                   "attribute '" + attribute.name + "'");
+    for (const auto& set : scene.object_attribute_sets) check_object_attributes(set);
     for (const ObjectTraits& object : scene.traits) {
         check_handle(object.name, scene.object_names.size(), "name", "an object");
         const std::string where = object.name == kNone ? "an object" : "Object '" + scene.object_names[size_t(object.name)] + "'";
@@ -161,6 +164,7 @@ void check_scene(const Scene& scene) {
     for (const Light& light : scene.lights) {
         check_handle(light.shader, scene.shaders.size(), "node tree", "Light '" + light.name + "'");
         check_linking(light.linking, "Light '" + light.name + "'");
+        check_object_attributes(light.attributes);
     }
     check_handle(scene.world.shader, scene.shaders.size(), "node tree", "the world");
     for (const auto& image : scene.images) {

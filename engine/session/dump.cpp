@@ -21,7 +21,7 @@ using namespace scene;
 
 static_assert(std::endian::native == std::endian::little, "dumps are little-endian");
 constexpr char kMagic[8] = {'T', 'a', 'l', 'b', 'o', 't', 'S', 'c'};
-constexpr uint32_t kVersion = 12;
+constexpr uint32_t kVersion = 13;
 
 // The last enumerator of each: what is beyond is refused.
 constexpr int last_of(Domain) {
@@ -196,6 +196,9 @@ void fields(A& a, Is<Light> auto& s) {
       s.spread, s.shader, s.visibility, s.cast_shadow, s.use_mis, s.is_portal, s.max_bounces, s.light_group, s.random);
     a.since(5, s.linking);
     a.since(5, s.is_shadow_catcher);
+    a.since(13, s.object_color);
+    a.since(13, s.pass_index);
+    a.since(13, s.attributes);
 }
 template <class A>
 void fields(A& a, Is<World> auto& s) {

@@ -159,6 +159,7 @@ void update_render_data(Session::State& s) {
             data.has_catchers = has_catchers(scene);
         });
     }
+    if (shaders || objects || (dirty & (scene::kDirtyPasses | scene::kDirtyLights))) scene::make_lamp_views(scene, data.tables);
     data.tables.view.settings = &scene.settings;
     data.tables.view.camera = &scene.camera;
     data.shading.scene = &data.tables.view;

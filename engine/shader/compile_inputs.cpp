@@ -1,4 +1,5 @@
 // Nodes that read the shading point, the object, the path or stored values.
+#include "base/hash.h"
 #include "shader/catalogue.h"
 #include "shader/graph_compiler.h"
 
@@ -51,12 +52,13 @@ void compile_texture_coordinate(NodeContext& n) {
     n.set_vector("Normal", e.normalize(n.to_object(normal, TransformKind::NormalToObject)));
     const std::vector<float>* object = n.table("object_matrix");
     n.set_vector("Object", object && object->size() == 12 ? n.affine(*object, p, 0) : n.to_object(p, TransformKind::PointToObject));
-    n.set_vector("Camera", e.emit3(Op::CameraTransform, uint8_t(TransformKind::PointToObject), {p.x, p.y, p.z}));
+    const uint8_t around_lamps = n.semantics.lamps_have_space ? 0 : kAroundLamps;
+    n.set_vector("Camera", e.emit3(Op::CameraTransform, uint8_t(TransformKind::PointToObject) | kAroundBackground | around_lamps, {p.x, p.y, p.z}));
     if (n.output_linked("Window")) {
         const scene::Camera& camera = n.graph().scene.camera;
         const bool polynomial = camera.type == scene::CameraType::Panoramic && camera.panorama == scene::PanoramaType::FisheyePolynomial;
         if (polynomial && !n.semantics.polynomial_window) n.warn("Window coordinates of a fisheye lens polynomial are those of newer versions");
-        const Value window = e.emit(Op::Window, n.semantics.fisheye_window_mirrored ? 1 : 0, {p.x, p.y, p.z}, 2);
+        const Value window = e.emit(Op::Window, uint8_t(n.semantics.fisheye_window_mirrored ? 1 : 0) | around_lamps, {p.x, p.y, p.z}, 2);
         n.set_vector("Window", {window, e.after(window, 1), e.literal(0)});
     }
     // Mirror direction of the viewer; in the background there is no surface to mirror, and lamps became objects late.
@@ -78,7 +80,9 @@ void compile_geometry(NodeContext& n) {
     Expressions& e = n.e;
     n.set_vector("Position", n.position());
     n.set_vector("Normal", n.shading_normal());
-    n.set_vector("Tangent", n.tangent(""));
+    // Lamps and backgrounds have none.
+    const Value on_surface = e.mul(e.one_minus(e.input(I::IsBackground)), e.one_minus(e.input(I::IsLamp)));
+    n.set_vector("Tangent", e.mul(n.tangent(""), on_surface));
     n.set_vector("True Normal", n.geometric_normal());
     n.set_vector("Incoming", n.incoming());
     const Value u = n.barycentric_u(), v = n.barycentric_v();
@@ -90,7 +94,8 @@ void compile_geometry(NodeContext& n) {
 
 void compile_object_info(NodeContext& n) {
     Expressions& e = n.e;
-    const auto field = [&](ObjectField f) { return e.emit(Op::ObjectValue, uint8_t(f), std::span<const Value>{}); };
+    const uint32_t of_lamps = uint32_t(n.semantics.lamps_have_space ? OfLamps::All : OfLamps::Random);
+    const auto field = [&](ObjectField f) { return e.emit(Op::ObjectValue, uint8_t(f), std::span<const Value>{}, 1, of_lamps); };
     n.set_vector("Location", {field(ObjectField::LocationX), field(ObjectField::LocationY), field(ObjectField::LocationZ)});
     n.set_color("Color", {field(ObjectField::ColorR), field(ObjectField::ColorG), field(ObjectField::ColorB)});
     n.set("Alpha", field(ObjectField::Alpha));
@@ -107,10 +112,21 @@ void set_attribute(NodeContext& n, const std::array<Value, 5>& a) {
     n.set("Alpha", a[3]);
 }
 
+/// Of the view layer: the same everywhere, so the synchronisation stores the values themselves.
+void compile_layer_attribute(NodeContext& n) {
+    static const std::vector<float> missing(5, 0.0f);
+    const std::vector<float>* found = n.table("layer_value");
+    const std::vector<float>& v = found && found->size() == 5 ? *found : missing;
+    set_attribute(n, {n.e.constant(v[0]), n.e.constant(v[1]), n.e.constant(v[2]), n.e.constant(v[3]), n.e.constant(v[4])});
+}
+
 void compile_attribute(NodeContext& n) {
     const int type = n.choice("attribute_type", {"GEOMETRY", "OBJECT", "INSTANCER", "VIEW_LAYER"});
-    static constexpr const char* prefixes[] = {"", scene::kOfObject, scene::kOfInstancer, scene::kOfViewLayer};
-    set_attribute(n, n.attribute(prefixes[type] + n.text("attribute_name"), type == 0 ? AttributeSource::OpaqueGeometry : AttributeSource::Object));
+    const std::string& name = n.text("attribute_name");
+    if (type == 0) return set_attribute(n, n.attribute(name, AttributeSource::OpaqueGeometry));
+    if (type == 3) return compile_layer_attribute(n);
+    const AttributeSource source = n.semantics.lamps_have_space ? AttributeSource::PropertyOrLamp : AttributeSource::Property;
+    set_attribute(n, n.attribute((type == 1 ? scene::kOfObject : scene::kOfInstancer) + name, source));
 }
 
 void compile_color_attribute(NodeContext& n) {
@@ -184,7 +200,7 @@ void compile_light_falloff(NodeContext& n) {
     n.set("Constant", e.mul(strength, e.select(far, e.literal(1), d2)));
 }
 
-/// What the synchronisation stores with each instance that a particle is shown as; zero elsewhere.
+/// What the synchronisation stores with each instance that a particle is shown as; elsewhere zero, and the random number of the first particle.
 void compile_particle_info(NodeContext& n) {
     const auto stored = [&](const char* name) { return n.attribute(name, AttributeSource::Object); };
     const auto state = stored(scene::kParticleState);
@@ -197,7 +213,8 @@ void compile_particle_info(NodeContext& n) {
         n.set_vector(output, {a[0], a[1], a[2]});
         return a[3];
     };
-    n.set("Random", vector("Location", scene::kParticleLocation));
+    const Value random = vector("Location", scene::kParticleLocation);
+    n.set("Random", n.e.select(random, random, n.e.literal(hash_to_unit(hash_words(0u, 0u)))));
     vector("Velocity", scene::kParticleVelocity);
     vector("Angular Velocity", scene::kParticleSpin);
 }

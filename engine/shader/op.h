@@ -27,7 +27,7 @@ enum class Op : uint16_t {
     Attribute,          ///< u, v -> 4 components, and what a number reads of them. data: attribute id; variant: AttributeSource
     Generated,          ///< u, v, object position -> vector. data: id of "@generated"
     VertexNormal,       ///< u, v -> interpolated unnormalised object-space normal (geometric on flat faces), facing the front side
-    ObjectValue,        ///< -> x. variant: ObjectField
+    ObjectValue,        ///< -> x. variant: ObjectField; data: OfLamps
     Instancer,          ///< -> 5: dupli generated (3), dupli uv (2)
     ShiftBarycentrics,  ///< world offset vector -> u', v'
     CurveTangent,  ///< -> unit vector along the curve from its root, world space. Where there is no curve: zero; variant 1: along the triangle's first edge,
@@ -187,12 +187,18 @@ enum class InputColumn : uint8_t {
 };
 
 enum class TransformKind : uint8_t { PointToObject, VectorToObject, NormalToObject, PointToWorld, VectorToWorld, NormalToWorld };
-inline constexpr uint8_t kNotOfLamps = 8;  ///< lamps have no space of their own
+inline constexpr uint8_t kNotOfLamps = 8;         ///< lamps have no space of their own
+inline constexpr uint8_t kAroundBackground = 16;  ///< Op::CameraTransform: a background is seen from its middle
+inline constexpr uint8_t kAroundLamps = 32;       ///< Op::CameraTransform and Op::Window: what is on a lamp, too, wherever the camera stands
 enum class AttributeSource : uint8_t {
     Geometry,
     Object,
     OpaqueGeometry,  ///< Geometry, but alpha is 1 where there is no such attribute
+    Property,        ///< Object, but alpha is 1 where there is no object
+    PropertyOrLamp,  ///< Property, but lamps are objects
 };
+/// Of lamps an operation reads what its data says.
+enum class OfLamps : uint32_t { Nothing, Random, All };
 enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth, IsCurve, IsPoint };
 
 enum class BlendKind : uint8_t {

@@ -28,6 +28,7 @@ struct ShadingSpan {
     Columns3 p;          ///< position; for a background the direction
     Columns3 n_s;        ///< shading normal (interpolated), unit, towards the viewer
     Columns3 n_g;        ///< geometric normal, unit, towards the viewer
+    Columns3 origin;     ///< of a background: where the rays that see it come from; null: unknown
     Columns3 wo;         ///< towards the viewer ("Incoming"); for a background minus the direction
     float* u = nullptr;  ///< barycentrics: hit = (1-u-v) a + u b + v c, with a b c the triangle's vertices in order; of curves: along the segment, 0..1
     float* v = nullptr;  ///< of curves: across, -1..1 (the sine of the angle between normal and viewer, seen along the curve)
@@ -51,6 +52,7 @@ struct ShadingSpan {
     bool uniform_constants = false;  ///< every lane has the same material
     bool is_background = false;
     bool is_lamp = false;                                              ///< u, v are the lamp's own parametric coordinates
+    int32_t lamp = -1;                                                 ///< its place among the lights of the scene
     const Affine *lamp_to_world = nullptr, *lamp_to_object = nullptr;  ///< the lamp's (Texture Coordinate > Object, Normal; IES)
 };
 

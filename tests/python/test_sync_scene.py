@@ -374,13 +374,6 @@ def test_material_override_and_custom_properties(empty_scene: Any) -> None:
     session, _, _ = synchronise()
     index = session.objects["attribute_set"][0]
     assert session.objects["attribute_sets"][index] == [("object:wear", (0.75,))]
-    material = obj.data.materials[0]
-    node = next(n for n in material.node_tree.nodes if n.type == "ATTRIBUTE")
-    node.attribute_type = "VIEW_LAYER"
-    bpy.context.scene["wear"] = (1.0, 2.0, 3.0)
-    bpy.context.scene.update_tag()
-    session, _, _ = synchronise()
-    assert session.objects["attribute_sets"] == [[("layer:wear", (1.0, 2.0, 3.0))]]
     bpy.context.view_layer.material_override = bpy.data.materials.new("Override")
     session, _, _ = synchronise()
     assert [session.shaders[h][0] for h in session.objects["material_sets"][0]] == ["Material 'Override'"]

@@ -153,3 +153,38 @@ def test_node_group(scene_of_two: Any) -> None:
     with Updates(sync) as updates:
         rgb.outputs[0].default_value = (0.5, 0.25, 0.125, 1)
     assert updates.changed and "set_shader" in session.calls
+
+
+def test_a_property_of_the_view_layer(scene_of_two: Any) -> None:
+    """Shaders that read it are sent again; lamps have what objects have."""
+    session, sync, *_, material = scene_of_two
+    lamp = next(o for o in bpy.data.objects if o.type == "LIGHT")
+    lamp["wear"], lamp.pass_index, lamp.color = 0.25, 3, (0.1, 0.2, 0.3, 0.4)
+    node = material.node_tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_type, node.attribute_name = "VIEW_LAYER", "wear"
+    principled = material.node_tree.nodes["Principled BSDF"]
+    material.node_tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
+    tree = lamp.data.node_tree if lamp.data.use_nodes else None
+    if tree is None:
+        lamp.data.use_nodes = True
+        tree = lamp.data.node_tree
+    own = tree.nodes.new("ShaderNodeAttribute")
+    own.attribute_type, own.attribute_name = "OBJECT", "wear"
+    emission = next(n for n in tree.nodes if n.type == "EMISSION")
+    tree.links.new(own.outputs["Color"], emission.inputs["Color"])
+    with Updates(sync):
+        bpy.context.scene["wear"] = (1.0, 2.0, 3.0)
+        bpy.context.scene.update_tag()
+
+    def read() -> list[float]:
+        return session.node("Material 'M'", "ShaderNodeAttribute")["properties"]["layer_value"].tolist()
+
+    assert read() == [1.0, 2.0, 3.0, 1.0, 2.0]
+    (light,) = session.lights
+    assert light["attributes"] == [("object:wear", (0.25,))]
+    assert light["pass_index"] == 3 and light["object_color"] == pytest.approx((0.1, 0.2, 0.3, 0.4))
+    with Updates(sync) as updates:
+        bpy.context.scene["wear"] = 0.5
+        bpy.context.scene.update_tag()
+    assert updates.changed
+    assert read() == [0.5] * 3 + [1.0, 0.5]

@@ -82,6 +82,7 @@ void push_found(const RenderContext& context, Worker& worker, LinkedRays& rays, 
         // Of the path before it was scattered: the total is in the lowest bits.
         queue.bounces[k] = paths.bounces[lane] - 1;
         queue.crossed[k] = paths.vertex[lane] >> 16;
+        queue.passed[k] = paths.mis_t[lane];
         queue.visibility[k] = worker.catcher_pass ? int32_t(scene::kVisibleShadow << scene::kCatcherShift | (uint32_t(found.blockers[j]) & scene::kBlockerBits))
                                                   : found.blockers[j];
     }
@@ -170,7 +171,7 @@ private:
                                        primitive,
                                        chosen,
                                        flags,
-                                       bounces,
+                                       {bounces},
                                        moves ? time : nullptr,
                                        count};
         light::shade_emissive(*context_.programs, *context_.shading, worker_.scratch.emitter, hits, found.rgb());
@@ -214,7 +215,7 @@ private:
 
 void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, film::TileFilm& tile) {
     float t_min[kSpan], t[kSpan], end[kSpan], origin[3][kSpan], direction[3][kSpan];
-    int32_t list[kSpan], lamp[kSpan], visibility[kSpan], flags[kSpan], bounces[kSpan], receiver[kSpan];
+    int32_t list[kSpan], lamp[kSpan], visibility[kSpan], bounces[kSpan], receiver[kSpan];
     const Columns3 o{origin[0], origin[1], origin[2]}, d{direction[0], direction[1], direction[2]};
     int n = rays.n;
     for (int i = 0; i < n; ++i) list[i] = i, t_min[i] = 0.0f;
@@ -238,12 +239,10 @@ void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, 
         n = count;
         gather3(rays.o(), list, n, o);
         gather3(rays.d(), list, n, d);
-        gather(rays.ray_flags, list, n, flags);
         gather(rays.receiver, list, n, receiver);
         gather(rays.bounces, list, n, bounces);
-        for (int k = 0; k < n; ++k) --bounces[k];
-        light::shade_lamps(*context.emitters, o, d, lamp, found.distance, flags, n, *context.programs, *context.shading, worker.scratch.emitter, found.rgb(),
-                           found.pdf, bounces, context.emitter_summary.has_links ? receiver : nullptr);
+        light::shade_lamps(*context.emitters, o, d, lamp, found.distance, n, *context.programs, *context.shading, worker.scratch.emitter, found.rgb(),
+                           found.pdf, {bounces}, context.emitter_summary.has_links ? receiver : nullptr);
         push_found(context, worker, rays, found, n, tile);
     }
 }
@@ -251,7 +250,7 @@ void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, 
 /// Where nothing ends the ray.
 void push_suns(const RenderContext& context, Worker& worker, LinkedRays& rays, film::TileFilm& tile) {
     float own[kSpan], direction[3][kSpan];
-    int32_t visibility[kSpan], receiver[kSpan];
+    int32_t visibility[kSpan], bounces[kSpan], receiver[kSpan];
     for (const int32_t sun : context.emitter_summary.linked_suns) {
         Found found;
         int n = 0;
@@ -264,9 +263,10 @@ void push_suns(const RenderContext& context, Worker& worker, LinkedRays& rays, f
         gather3(rays.d(), found.ray, n, {direction[0], direction[1], direction[2]});
         gather(rays.visibility, found.ray, n, visibility);
         gather(rays.receiver, found.ray, n, receiver);
+        gather(rays.bounces, found.ray, n, bounces);
         // Weighted there.
-        light::shade_suns(*context.emitters, {direction[0], direction[1], direction[2]}, visibility, own, n, found.rgb(),
-                          context.emitter_summary.has_links ? receiver : nullptr, light::Met::Linked, sun);
+        light::shade_suns(*context.emitters, {direction[0], direction[1], direction[2]}, visibility, own, n, *context.programs, *context.shading,
+                          worker.scratch.emitter, found.rgb(), {bounces}, context.emitter_summary.has_links ? receiver : nullptr, light::Met::Linked, sun);
         fill(found.pdf, n, 0.0f);
         fill(found.distance, n, kInfinity);
         std::fill_n(found.blockers, n, light::sun_blockers(*context.emitters, sun));

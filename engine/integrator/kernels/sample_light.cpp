@@ -32,7 +32,7 @@ int weigh_samples(const scene::Settings& settings, SpanScratch& s, bool distant)
     TALBOT_VECTOR_LOOP
     for (int i = 0; i < n; ++i) {
         const Rgb c{fx[i] * ex[i] * scale[i], fy[i] * ey[i] * scale[i], fz[i] * ez[i] * scale[i]};
-        const float strongest = max_component(c), chance = strongest * inverse_threshold;
+        const float strongest = max_magnitude(c), chance = strongest * inverse_threshold;
         const bool weak = thins & (chance < 1.0f);
         const float u = distant ? roulette[i] : 1.0f - roulette[i];
         sends[i] = (strongest > 0.0f) & ((path_flags[i] & (kPathEndAtSurface | kPathTerminate)) == 0) & (!weak | (u < chance));
@@ -80,6 +80,7 @@ void push_shadow_rays(const RenderContext& context, Worker& worker, ConstColumns
     gather(s.lane, s.list, count, queue.lane + first);
     gather(s.bounces, s.list, count, queue.bounces + first);
     gather(s.span.transparent_depth, s.list, count, queue.crossed + first);
+    fill(queue.passed + first, count, 0.0f);
     const int32_t* lanes = queue.lane + first;
     gather(paths.pixel, lanes, count, queue.pixel + first);
     if (context.scene->has_motion) gather(paths.time, lanes, count, queue.time + first);
@@ -121,7 +122,7 @@ void sample_light(const RenderContext& context, Worker& worker, const shader::Pr
     query.pick_v = s.v0;
     query.u = s.u1;
     query.v = s.v1;
-    query.bounce = s.span.depth;
+    query.depths = {s.span.depth, s.span.diffuse_depth, s.span.glossy_depth, s.span.transparent_depth, s.span.transmission_depth};
     query.time = s.span.time;
     if (context.emitter_summary.has_links) {
         for (int i = 0; i < n; ++i) s.receiver[i] = scene::traits_of(*context.scene, s.span.object[i]).receiver_set;

@@ -173,7 +173,7 @@ int advance_paths(const RenderContext& context, SpanScratch& s) {
         const int32_t next = transparent ? crossing : scattered;
 
         const Rgb throughput{tx[i] * fx[i], ty[i] * fy[i], tz[i] * fz[i]};
-        const float strongest = max_component(throughput);
+        const float strongest = max_magnitude(throughput);
         const float keep = survival_probability(start, next, bounces, crossed[i] + transparent, throughput);
         goes_on[i] = ((sampled & kSampledFailed) == 0) & (strongest > 0.0f) & (strongest < kInfinity) & (u[i] < keep);
         const float inverse = 1.0f / keep;
@@ -222,7 +222,7 @@ void send_on(PathColumns& paths, const SpanScratch& s, int count) {
         store(paths.throughput, lane, load(s.rgb, i));
         paths.cone_width[lane] = s.span.footprint[i];
         if (s.sampled_flags[i] & kSampledTransparent) {
-            const float t = s.span.ray_length[i];
+            const float t = paths.hit.t[lane];
             paths.flags[lane] = s.path_flags[i] | (paths.flags[lane] & kPathDataDone);
             paths.t_max[lane] = maxf(paths.t_max[lane] - t, 0.0f);
             paths.mis_t[lane] += t;

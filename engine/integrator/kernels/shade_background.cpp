@@ -10,6 +10,19 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
+/// Bounces of the paths, in the span's columns.
+light::PathDepths path_depths(const PathColumns& paths, const int32_t* lanes, int n, shader::ShadingSpan& span) {
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        span.depth[i] = total_bounces(paths.bounces[lane]);
+        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
+        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
+        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
+        span.transparent_depth[i] = paths.vertex[lane] >> 16;
+    }
+    return {span.depth, span.diffuse_depth, span.glossy_depth, span.transparent_depth, span.transmission_depth};
+}
+
 /// Fills the neutral columns of a background span from path lanes.
 void background_span(const Worker& worker, const int32_t* lanes, int n, shader::ShadingSpan& span, int32_t constants) {
     const PathColumns& paths = worker.paths;
@@ -24,6 +37,7 @@ void background_span(const Worker& worker, const int32_t* lanes, int n, shader::
         store(span.n_s, i, -d);
         store(span.n_g, i, -d);
         store(span.wo, i, -d);
+        store(span.origin, i, load(paths.origin, lane));
         span.u[i] = span.v[i] = 0.0f;
         span.ray_length[i] = 3.0e38f;
         span.footprint[i] = paths.cone_spread[lane];
@@ -31,15 +45,12 @@ void background_span(const Worker& worker, const int32_t* lanes, int n, shader::
         span.constants[i] = constants;
         span.ray_flags[i] = paths.flags[lane] & shader::kRayAny;
         span.backfacing[i] = 0;
-        span.depth[i] = total_bounces(paths.bounces[lane]);
-        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
-        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
-        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
-        span.transparent_depth[i] = paths.vertex[lane] >> 16;
         span.key[i] = paths.key[lane];
         span.sample[i] = paths.sample[lane];
         span.vertex[i] = uint32_t(paths.vertex[lane] & 0xffff);
     }
+    path_depths(paths, lanes, n, span);
+    for (int i = 0; i < n; ++i) ++span.depth[i];  // light that is met is one bounce further
 }
 
 void world_radiance(const RenderContext& context, Worker& worker, const int32_t* lanes, int n, Columns3 rgb) {
@@ -91,7 +102,8 @@ void sun_radiance(const RenderContext& context, Worker& worker, const int32_t* l
         s.itmp[i] = ray_visibility(paths.flags[lane]);
         s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
     }
-    light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, n, rgb, context.emitter_summary.has_links ? s.receiver : nullptr, light::Met::ByPaths, sun);
+    light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, n, *context.programs, *context.shading, s.emitter, rgb, path_depths(paths, lanes, n, s.span),
+                      context.emitter_summary.has_links ? s.receiver : nullptr, light::Met::ByPaths, sun);
 }
 
 /// A transparent film sees no world, and so nothing of its AOVs either.
@@ -194,49 +206,45 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
     PathColumns& paths = worker.paths;
     SpanScratch& s = worker.scratch;
     constexpr int kMaxLampsOnRay = 64;
-    const Columns3 origin = s.f, direction = s.wi, vertex = s.slot_f;
-    float *t_max = s.tmp, *t_min = s.weight_sum, *t = s.tmp2;
+    // Rays count from the last scattering point, which may lie behind transparent surfaces: soft lamps turn towards it, and densities are those there.
+    const Columns3 origin = s.f, direction = s.wi;
+    float *t_max = s.tmp, *t_min = s.weight_sum, *t = s.tmp2, *passed = s.pdf;
     for (int begin = 0; begin < n; begin += kSpan) {
         int m = n - begin < kSpan ? n - begin : kSpan;
         std::memcpy(s.list, lanes + begin, size_t(m) * 4);
-        fill(t_min, m, 0.0f);
+        gather(paths.mis_t, s.list, m, t_min);
         // A lamp lets the ray pass: walk from lamp to lamp.
         for (int turn = 0; turn < kMaxLampsOnRay && m > 0; ++turn) {
             gather3(paths.origin, s.list, m, origin);
             gather3(paths.direction, s.list, m, direction);
+            gather(paths.mis_t, s.list, m, passed);
             gather(paths.t_max, s.list, m, t_max);
             gather(paths.hit.t, s.list, m, t);
             gather(paths.hit.object, s.list, m, s.itmp);
             gather(paths.flags, s.list, m, s.list2);
             TALBOT_VECTOR_LOOP
             for (int i = 0; i < m; ++i) {
-                t_max[i] = s.itmp[i] >= 0 ? t[i] : t_max[i];
+                t_max[i] = passed[i] + (s.itmp[i] >= 0 ? t[i] : t_max[i]);
                 s.list2[i] = ray_visibility(s.list2[i]);
+                store(origin, i, load(origin, i) - load(direction, i) * passed[i]);
             }
             light::intersect_lamps(*context.emitters, origin, direction, t_max, s.list2, m, s.chosen, t, t_min);
             int count = 0;
             for (int i = 0; i < m; ++i) {
                 if (s.chosen[i] < 0) continue;
                 const int32_t lane = s.list[i];
-                const Vec3 d = load(paths.direction, lane);
                 s.list[count] = lane;
                 s.chosen[count] = s.chosen[i];
-                store(direction, count, d);
-                t_min[count] = t[i];
-                // Densities are those of the last scattering point, which may lie behind transparent surfaces.
-                store(vertex, count, load(paths.origin, lane) - d * paths.mis_t[lane]);
-                s.pdf[count] = t[i] + paths.mis_t[lane];
-                s.list2[count] = paths.flags[lane] & shader::kRayAny;
-                const int bounces = total_bounces(paths.bounces[lane]);
-                s.sampled_flags[count] = bounces > 0 ? bounces - 1 : 0;
-                ++count;
+                store(origin, count, load(origin, i));
+                store(direction, count, load(direction, i));
+                t_min[count++] = t[i];
             }
             m = count;
             if (m == 0) break;
             const bool links = context.emitter_summary.has_links;
             if (links) path_receivers(paths, s.list, m, s.receiver);
-            light::shade_lamps(*context.emitters, vertex, direction, s.chosen, s.pdf, s.list2, m, *context.programs, *context.shading, s.emitter, s.rgb,
-                               s.slot_pdf, s.sampled_flags, links ? s.receiver : nullptr);
+            light::shade_lamps(*context.emitters, origin, direction, s.chosen, t_min, m, *context.programs, *context.shading, s.emitter, s.rgb, s.slot_pdf,
+                               path_depths(paths, s.list, m, s.span), links ? s.receiver : nullptr);
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = s.list[i];
                 const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);

@@ -31,7 +31,7 @@ void gather_span(const RenderContext& context, Worker& worker, const int32_t* la
         span.wo.x[i] = -span.wo.x[i];
         span.wo.y[i] = -span.wo.y[i];
         span.wo.z[i] = -span.wo.z[i];
-        span.ray_length[i] = t;
+        span.ray_length[i] = t + paths.mis_t[lane];
         span.footprint[i] = paths.cone_width[lane] + paths.cone_spread[lane] * t;
         span.ray_flags[i] = s.path_flags[i] & shader::kRayAny;
         span.depth[i] = total_bounces(s.bounces[i]);
@@ -81,9 +81,8 @@ void add_emission(const RenderContext& context, Worker& worker, const shader::Pr
     if (weighted > 0) {
         for (int k = 0; k < weighted; ++k) {
             const int i = s.list[k];
-            const int32_t lane = s.lane[i];
             const Vec3 d = -load(span.wo, i);
-            const float t = span.ray_length[i] + paths.mis_t[lane];
+            const float t = span.ray_length[i];
             store(s.f, k, load(span.p, i) - d * t);
             s.tmp2[k] = t;
             if (span.time) s.wi.x[k] = span.time[i];

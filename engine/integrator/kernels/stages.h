@@ -187,7 +187,7 @@ TALBOT_INLINE RouletteStart roulette_start(const scene::Settings& settings) {
 TALBOT_INLINE float survival_probability(RouletteStart start, int32_t flags, int32_t bounces, int crossed, Rgb throughput) {
     const bool straight_on = (flags & kPathCrossed) != 0;
     const int met = straight_on ? crossed : total_bounces(bounces), first = straight_on ? start.transparent : start.light;
-    const float keep = minf(1.0f, std::sqrt(2.0f * max_component(throughput)));
+    const float keep = minf(1.0f, std::sqrt(2.0f * max_magnitude(throughput)));
     return met > first ? keep : 1.0f;
 }
 

@@ -31,7 +31,7 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
     for (int i = 0; i < n; ++i) {
         const int32_t k = list[i], lane = queue.lane[k];
         store(span.wo, i, -load(queue.direction, k));
-        span.ray_length[i] = queue.hit.t[k];
+        span.ray_length[i] = queue.passed[k] + queue.hit.t[k];
         span.footprint[i] = paths.cone_width[lane];
         span.constants[i] = compiled.constants;
         span.ray_flags[i] = shader::kRayShadow;
@@ -64,12 +64,13 @@ int cross_surfaces(const RenderContext& context, Worker& worker, int32_t* list, 
         const Rgb c = load(queue.rgb, k) * t;
         store(queue.rgb, k, c);
         ++queue.crossed[k];
-        if (!(max_component(c) > 0.0f) || queue.crossed[k] > context.settings->transparent_bounces) {
+        if (!(max_magnitude(c) > 0.0f) || queue.crossed[k] > context.settings->transparent_bounces) {
             queue.blocked[k] = 1;
             continue;
         }
         store(queue.origin, k, load(s.tmp3, i));
         queue.t_max[k] = maxf(queue.t_max[k] - queue.hit.t[k], 0.0f);
+        queue.passed[k] += queue.hit.t[k];
         list[alive++] = k;
     }
     return alive;

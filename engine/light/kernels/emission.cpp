@@ -22,6 +22,19 @@ TALBOT_INLINE void fill_column(T* column, int n, T value) {
     for (int i = 0; i < n; ++i) column[i] = value;
 }
 
+/// Bounces of the paths of lanes list[0..n) in the span. Light that is asked for or met is one bounce further than its path.
+void gather_depths(const PathDepths& depths, const int32_t* list, int n, bool is_further, shader::ShadingSpan& s) {
+    const auto take = [&](const int32_t* from, int32_t* to) {
+        if (from) gather(from, list, n, to);
+    };
+    take(depths.bounces, s.depth);
+    for (int i = 0; is_further && i < n; ++i) ++s.depth[i];
+    take(depths.diffuse, s.diffuse_depth);
+    take(depths.glossy, s.glossy_depth);
+    take(depths.transparent, s.transparent_depth);
+    take(depths.transmission, s.transmission_depth);
+}
+
 }  // namespace
 
 void prepare_span(LightScratch& scratch, int n) {
@@ -71,24 +84,26 @@ void evaluate_emission(const shader::Programs& programs, const shader::ShaderCon
 }
 
 void evaluate_background(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, int shader, ConstColumns3 direction,
-                         const int32_t* depth, int n, Columns3 out) {
+                         const PathDepths& depths, int n, Columns3 out) {
     prepare_span(scratch, n);
     shader::ShadingSpan& s = scratch.span;
     s.is_background = true;
+    int32_t identity[kSpan];
     for (int i = 0; i < n; ++i) {
+        identity[i] = i;
         const Vec3 d = load(direction, i);
         store(s.p, i, d);
         store(s.n_s, i, -d);
         store(s.n_g, i, -d);
         store(s.wo, i, -d);
         s.ray_length[i] = as_float(0x7f800000);
-        s.depth[i] = depth ? depth[i] : 0;
     }
+    gather_depths(depths, identity, n, true, s);
     evaluate_emission(programs, context, scratch, shader, out);
 }
 
 void apply_lamp_programs(const EmitterView& table, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch,
-                         const int32_t* lamp, bool is_sun, const LampPoints& points, const int32_t* ray_flags, const int32_t* depth, int n, Columns3 radiance) {
+                         const int32_t* lamp, bool is_sun, const LampPoints& points, bool is_hit, const PathDepths& depths, int n, Columns3 radiance) {
     uint8_t waiting[kSpan];
     for (int i = 0; i < n; ++i) waiting[i] = lamp[i] >= 0 && (is_sun ? table.suns[lamp[i]].program_shader : table.lamps[lamp[i]].program_shader) >= 0;
     for (int first = 0; first < n; ++first) {
@@ -104,8 +119,9 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
         prepare_span(scratch, count);
         shader::ShadingSpan& s = scratch.span;
         s.is_lamp = true;
+        s.lamp = is_sun ? table.suns[lamp[first]].handle : table.lamps[lamp[first]].handle;
         static constexpr Affine kUnturned{};
-        const bool keeps = table.hits_keep_normals && ray_flags && !is_sun && table.lamps[lamp[first]].rect < 0;
+        const bool keeps = table.hits_keep_normals && is_hit && !is_sun;
         s.lamp_to_world = keeps ? &kUnturned : is_sun ? &table.suns[lamp[first]].to_world : &table.lamps[lamp[first]].to_world;
         s.lamp_to_object = is_sun ? &table.suns[lamp[first]].to_object : &table.lamps[lamp[first]].to_object;
         gather3(points.p, list, count, s.p);
@@ -115,8 +131,7 @@ void apply_lamp_programs(const EmitterView& table, const shader::Programs& progr
         gather(points.u, list, count, s.u);
         gather(points.v, list, count, s.v);
         gather(points.distance, list, count, s.ray_length);
-        if (ray_flags) gather(ray_flags, list, count, s.ray_flags);
-        if (depth) gather(depth, list, count, s.depth);
+        gather_depths(depths, list, count, true, s);
         float r[3][kSpan];
         const Columns3 emission{r[0], r[1], r[2]};
         evaluate_emission(programs, context, scratch, is_sun ? table.suns[lamp[first]].program_shader : table.lamps[lamp[first]].program_shader, emission);
@@ -153,7 +168,7 @@ void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderC
         gather(all.v, list, count, hit_v);
         gather(all.object, list, count, hit_object);
         gather(all.primitive, list, count, hit_primitive);
-        if (all.bounces) gather(all.bounces, list, count, s.depth);
+        gather_depths(all.depths, list, count, !all.ray_flags, s);
         if (all.ray_flags) gather(all.ray_flags, list, count, s.ray_flags);
         // Sampled points are on triangles, which do not ask where the ray came from.
         const bool rays = all.origin.x != nullptr;

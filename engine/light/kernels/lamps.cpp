@@ -93,9 +93,9 @@ void intersect_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColu
     }
 }
 
-void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t, const int32_t* ray_flags,
-                 int n, const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
-                 const int32_t* bounce, const int32_t* receiver) {
+void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3 direction, const int32_t* lamp_index, const float* t, int n,
+                 const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, float* pdf,
+                 const PathDepths& depths, const int32_t* receiver) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) {
         store(radiance, i, {});
@@ -103,7 +103,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
     }
     for (int begin = 0; begin < n; begin += kSpan) {
         const int end = n < begin + kSpan ? n : begin + kSpan;
-        int32_t lane[kSpan], chosen[kSpan], emitter[kSpan], flags[kSpan], depth[kSpan], set[kSpan];
+        int32_t lane[kSpan], chosen[kSpan], emitter[kSpan], set[kSpan];
         float o[3][kSpan], probability[kSpan], r[3][kSpan], p[3][kSpan], wo[3][kSpan], normal[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
         int count = 0;
         for (int i = begin; i < end; ++i) {
@@ -111,9 +111,7 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
             set[count] = receiver && receiver[i] >= 0 ? receiver[i] : 0;
             lane[count] = i;
             chosen[count] = lamp_index[i];
-            emitter[count] = table.lamps[lamp_index[i]].emitter;
-            flags[count] = ray_flags ? ray_flags[i] : 0;
-            depth[count++] = bounce ? bounce[i] + 1 : 0;
+            emitter[count++] = table.lamps[lamp_index[i]].emitter;
         }
         if (count == 0) continue;
         gather3(origin, lane, count, {o[0], o[1], o[2]});
@@ -151,14 +149,40 @@ void shade_lamps(const EmitterTable& table_, ConstColumns3 origin, ConstColumns3
         }
         if (table.has_lamp_programs) {
             const LampPoints points{{p[0], p[1], p[2]}, {normal[0], normal[1], normal[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
-            apply_lamp_programs(table, programs, context, scratch, chosen, false, points, flags, depth, count, {r[0], r[1], r[2]});
+            DepthColumns own;
+            apply_lamp_programs(table, programs, context, scratch, chosen, false, points, true, own.of(depths, lane, count), count, {r[0], r[1], r[2]});
         }
         for (int j = 0; j < count; ++j) store(radiance, lane[j], {r[0][j], r[1][j], r[2][j]});
     }
 }
 
-void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, Columns3 radiance,
-                const int32_t* receiver, Met met, int only) {
+namespace {
+
+/// Multiplies the radiance of rays in `direction` by what the nodes of a sun make of its disc.
+void apply_sun_program(const EmitterView& table, int32_t index, ConstColumns3 direction, const shader::Programs& programs, const shader::ShaderContext& context,
+                       LightScratch& scratch, const PathDepths& depths, int n, Columns3 radiance) {
+    const Sun& sun = table.suns[index];
+    const float edge = safe_sqrt(sun.one_minus_cos * (2.0f - sun.one_minus_cos));
+    int32_t chosen[kSpan];
+    float wo[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
+    for (int i = 0; i < n; ++i) {
+        const Vec3 d = load(direction, i);
+        const bool dark = radiance.x[i] == 0.0f && radiance.y[i] == 0.0f && radiance.z[i] == 0.0f;
+        chosen[i] = dark ? -1 : index;
+        store({wo[0], wo[1], wo[2]}, i, -d);
+        u[i] = 0.5f + 0.5f * dot(d, sun.axis_x) / edge;
+        v[i] = 0.5f + 0.5f * dot(d, sun.axis_y) / edge;
+        distance[i] = as_float(0x7f800000);
+    }
+    const LampPoints points{direction, {wo[0], wo[1], wo[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
+    apply_lamp_programs(table, programs, context, scratch, chosen, true, points, true, depths, n, radiance);
+}
+
+}  // namespace
+
+void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32_t* visibility, const float* bsdf_pdf, int n, const shader::Programs& programs,
+                const shader::ShaderContext& context, LightScratch& scratch, Columns3 radiance, const PathDepths& depths, const int32_t* receiver, Met met,
+                int only) {
     const EmitterView& table = table_.view;
     for (int i = 0; i < n; ++i) store(radiance, i, {});
     for (int k = only < 0 ? 0 : only, end = only < 0 ? table.sun_count : only + 1; k < end; ++k) {
@@ -172,7 +196,8 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
         for (int i = 0; receiver && i < n; ++i)
             scale[i] = !is_lit(sun.receivers, receiver[i]) ? -1.0f : receiver[i] < 0 ? 1.0f : table.distant_scale[receiver[i]];
         ConstColumn dx = direction.x, dy = direction.y, dz = direction.z;
-        Column r = radiance.x, g = radiance.y, b = radiance.z;
+        float own_radiance[3][kSpan];
+        Column r = own_radiance[0], g = own_radiance[1], b = own_radiance[2];
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             // 1 - cos from the difference of the directions: exact for small discs.
@@ -184,9 +209,17 @@ void shade_suns(const EmitterTable& table_, ConstColumns3 direction, const int32
             const float weight = own < 0.0f ? 1.0f : 1.0f / (1.0f + ratio * ratio);
             const float c = maxf(1.0f - drop, 1e-4f);
             const float f = seen >= 0.0f ? weight * lerp(1.0f, 1.0f / (c * c * c), tangent) : 0.0f;
-            r[i] += sun.power.x * f;
-            g[i] += sun.power.y * f;
-            b[i] += sun.power.z * f;
+            r[i] = sun.power.x * f;
+            g[i] = sun.power.y * f;
+            b[i] = sun.power.z * f;
+        }
+        if (sun.program_shader >= 0) apply_sun_program(table, k, direction, programs, context, scratch, depths, n, {r, g, b});
+        Column x = radiance.x, y = radiance.y, z = radiance.z;
+        TALBOT_VECTOR_LOOP
+        for (int i = 0; i < n; ++i) {
+            x[i] += r[i];
+            y[i] += g[i];
+            z[i] += b[i];
         }
     }
 }

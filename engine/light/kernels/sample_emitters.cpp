@@ -55,8 +55,7 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
         take(query.u, group.u);
         take(query.v, group.v);
         take(query.pick_v, group.part);
-        take(query.bounce, group.depth);
-        for (int i = 0; i < n; ++i) ++group.depth[i];
+        if (table.has_lamp_programs || table.has_mesh_programs) group.depths = group.depth_columns.of(query.depths, group.lane, n);
         if (query.time)
             take(query.time, group.time);
         else
@@ -81,17 +80,18 @@ void sample_local(const EmitterView& table, const LightQuery& query, const shade
             }
             const LampPoints points{{p[0], p[1], p[2]}, {found.nx, found.ny, found.nz}, {wo[0], wo[1], wo[2]}, found.coordinate_u, found.coordinate_v,
                                     found.distance};
-            apply_lamp_programs(table, programs, context, scratch, found.lamp, false, points, nullptr, group.depth, n, {found.r, found.g, found.b});
+            apply_lamp_programs(table, programs, context, scratch, found.lamp, false, points, false, group.depths, n, {found.r, found.g, found.b});
         }
 
         float chance[kSpan];
-        int32_t shines[kSpan];
+        int32_t shines[kSpan], bounces[kSpan];
         take(probability, chance);
+        take(query.depths.bounces, bounces);
         TALBOT_VECTOR_LOOP
         for (int i = 0; i < n; ++i) {
             const float pdf = found.pdf[i] * chance[i];
             const bool dark = (found.r[i] == 0.0f) & (found.g[i] == 0.0f) & (found.b[i] == 0.0f);
-            shines[i] = !dark & (pdf > 0.0f) & (pdf < 1e30f) & (group.depth[i] - 1 <= found.max_bounces[i]);
+            shines[i] = !dark & (pdf > 0.0f) & (pdf < 1e30f) & (bounces[i] <= found.max_bounces[i]);
             found.pdf[i] = pdf;
         }
         const auto put = [&](const auto* from, auto* to) {
@@ -120,7 +120,6 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
                  const shader::ShaderContext& context, LightScratch& scratch, const LightSamples& out) {
     const float infinite = as_float(0x7f800000);
     float wo[3][kSpan], u[kSpan], v[kSpan], distance[kSpan];
-    int32_t depth[kSpan];
     for (int i = 0; i < query.n; ++i) {
         if (sun[i] < 0) continue;
         const Sun& s = table.suns[sun[i]];
@@ -135,7 +134,7 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         store(out.wi, i, wi);
         store(out.radiance, i, s.power * profile);
         out.distance[i] = infinite;
-        out.pdf[i] = query.bounce[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
+        out.pdf[i] = query.depths.bounces[i] > s.max_bounces ? 0.0f : probability[i] * (is_delta ? 1.0f : 0.5f * kInvPi / s.one_minus_cos);
         out.is_delta[i] = is_delta || is_only_sampled(s.hit_visibility, s.linked_visibility);
         out.blockers[i] = s.blockers;
         out.visibility[i] = s.visibility;
@@ -144,11 +143,10 @@ void sample_suns(const EmitterView& table, const LightQuery& query, const int32_
         u[i] = 0.5f + 0.5f * radius * cp / edge;
         v[i] = 0.5f + 0.5f * radius * sp / edge;
         distance[i] = infinite;
-        depth[i] = query.bounce[i] + 1;
     }
     if (!table.has_lamp_programs) return;
     const LampPoints points{out.wi, {wo[0], wo[1], wo[2]}, {wo[0], wo[1], wo[2]}, u, v, distance};
-    apply_lamp_programs(table, programs, context, scratch, sun, true, points, nullptr, depth, query.n, out.radiance);
+    apply_lamp_programs(table, programs, context, scratch, sun, true, points, false, query.depths, query.n, out.radiance);
 }
 
 void sample_distant(const EmitterView& table, const LightQuery& query, const shader::Programs& programs, const shader::ShaderContext& context,
@@ -187,16 +185,15 @@ void sample_distant(const EmitterView& table, const LightQuery& query, const sha
     if (worlds == 0 || table.world.probability == 0.0f) return;
 
     float u[kSpan], v[kSpan], x[kSpan], y[kSpan], z[kSpan], pdf[kSpan], r[kSpan], g[kSpan], b[kSpan];
-    int32_t depth[kSpan];
+    DepthColumns depths;
     gather(query.u, world_lane, worlds, u);
     gather(query.v, world_lane, worlds, v);
     sample_world(table.world, u, v, worlds, {x, y, z}, pdf);
-    for (int i = 0; i < worlds; ++i) depth[i] = query.bounce[world_lane[i]] + 1;
-    evaluate_background(programs, context, scratch, table.world_shader, {x, y, z}, depth, worlds, {r, g, b});
+    evaluate_background(programs, context, scratch, table.world_shader, {x, y, z}, depths.of(query.depths, world_lane, worlds), worlds, {r, g, b});
     for (int i = 0; i < worlds; ++i) {
         const int lane = world_lane[i];
         const Rgb radiance{r[i], g[i], b[i]};
-        if (is_black(radiance) || query.bounce[lane] > table.world_max_bounces) continue;
+        if (is_black(radiance) || query.depths.bounces[lane] > table.world_max_bounces) continue;
         store(out.wi, lane, {x[i], y[i], z[i]});
         store(out.radiance, lane, radiance);
         out.distance[lane] = as_float(0x7f800000);

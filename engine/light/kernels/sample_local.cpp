@@ -206,7 +206,7 @@ void sample_meshes(const EmitterView& table, const shader::Programs& programs, c
     float wo[3][kSpan];
     for (int i = 0; i < n; ++i) store({wo[0], wo[1], wo[2]}, i, {-out.x[i], -out.y[i], -out.z[i]});
     const ConstColumns3 to_point{wo[0], wo[1], wo[2]};
-    const EmissiveHits hits{{}, to_point, out.distance, out.coordinate_u, out.coordinate_v, out.object, primitive, shader, nullptr, in.depth, in.time, n};
+    const EmissiveHits hits{{}, to_point, out.distance, out.coordinate_u, out.coordinate_v, out.object, primitive, shader, nullptr, in.depths, in.time, n};
     apply_mesh_programs(programs, context, scratch, hits, {out.r, out.g, out.b});
 }
 

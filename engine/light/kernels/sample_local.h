@@ -5,6 +5,7 @@
 #include "light/kernels/shapes.h"
 
 namespace talbot::light {
+inline namespace TALBOT_ISA {
 
 /// Lanes that chose emitters of the same kind, gathered.
 struct LocalGroup {
@@ -14,8 +15,9 @@ struct LocalGroup {
     float px[kSpan], py[kSpan], pz[kSpan];
     float u[kSpan], v[kSpan];  ///< place on the emitter
     float part[kSpan];         ///< which triangle
-    int32_t depth[kSpan];      ///< bounces, one more than the point's
-    float time[kSpan];         ///< of the shutter, where something moves
+    PathDepths depths;         ///< where lamps or meshes have programs
+    DepthColumns depth_columns;
+    float time[kSpan];  ///< of the shutter, where something moves
 };
 
 /// What they found: pdf without the choice's probability; for delta emitters 1.
@@ -30,8 +32,6 @@ struct LocalSampled {
     float nx[kSpan], ny[kSpan], nz[kSpan];  ///< lamp programs only
     float coordinate_u[kSpan], coordinate_v[kSpan];
 };
-
-inline namespace TALBOT_ISA {
 
 void sample_point_lamps(const EmitterView& table, EmitterKind kind, const LocalGroup& in, LocalSampled& out);
 void sample_rects(const EmitterView& table, const shader::Programs& programs, const LocalGroup& in, LocalSampled& out);

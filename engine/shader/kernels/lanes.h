@@ -21,6 +21,11 @@ TALBOT_INLINE int32_t object_of(const OpScope& s, int lane) {
     return s.context.scene && object < s.context.scene->object_count ? object : -1;
 }
 
+/// What the nodes of the lamp see that the span is on; null for none.
+TALBOT_INLINE const scene::LampView* lamp_of(const OpScope& s) {
+    return s.span.is_lamp && s.span.lamp >= 0 && s.context.scene && s.context.scene->lamps ? s.context.scene->lamps + s.span.lamp : nullptr;
+}
+
 /// The lane's mesh, null for none.
 TALBOT_INLINE const scene::MeshView* mesh_of(const OpScope& s, int lane) {
     const int32_t object = object_of(s, lane);

@@ -113,8 +113,37 @@ void op_input(const Instruction& i, Registers r, int n, const OpScope& s) {
     }
 }
 
+namespace {
+
+float lamp_value(const scene::LampView& lamp, ObjectField field) {
+    switch (field) {
+        case ObjectField::LocationX:
+            return lamp.location.x;
+        case ObjectField::LocationY:
+            return lamp.location.y;
+        case ObjectField::LocationZ:
+            return lamp.location.z;
+        case ObjectField::ColorR:
+        case ObjectField::ColorG:
+        case ObjectField::ColorB:
+        case ObjectField::Alpha:
+            return lamp.color[int(field) - int(ObjectField::ColorR)];
+        case ObjectField::Index:
+            return float(lamp.pass_index);
+        case ObjectField::Random:
+            return float(lamp.random) * (1.0f / 4294967295.0f);
+        default:
+            return 0.0f;
+    }
+}
+
+}  // namespace
+
 void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s) {
     const ObjectField field = ObjectField(i.variant);
+    const OfLamps of_lamps = OfLamps(i.data);
+    const scene::LampView* lamp = of_lamps == OfLamps::All || (of_lamps == OfLamps::Random && field == ObjectField::Random) ? lamp_of(s) : nullptr;
+    if (lamp) return fill(r[0], n, lamp_value(*lamp, field));
     for (int k = 0; k < s.span.n; ++k) {
         const int32_t object = object_of(s, k);
         float x = 0.0f;

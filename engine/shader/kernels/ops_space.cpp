@@ -95,12 +95,22 @@ void op_object_transform(const Instruction& i, Registers r, int n, const OpScope
 void op_camera_transform(const Instruction& i, Registers r, int n, const OpScope& s) {
     Affine to_world;
     if (s.context.scene && s.context.scene->camera) to_world = s.context.scene->camera->to_world;
-    // Camera space here has +Z forward.
-    for (auto& row : to_world.m) row[2] = -row[2];
+    // Camera space here has +Z forward; of a panorama's camera +X, with +Y to the left.
+    const bool panoramic = s.context.scene && s.context.scene->camera && s.context.scene->camera->type == scene::CameraType::Panoramic;
+    for (auto& row : to_world.m) {
+        if (panoramic) {
+            const float right = row[0], up = row[1];
+            row[0] = -row[2];
+            row[1] = -right;
+            row[2] = up;
+        } else {
+            row[2] = -row[2];
+        }
+    }
     const Affine to_camera = inverse(to_world);
-    TransformKind kind = TransformKind(i.variant);
-    // A background's position is a direction: the camera stands in its middle.
-    if (s.span.is_background && kind == TransformKind::PointToObject) kind = TransformKind::VectorToObject;
+    TransformKind kind = TransformKind(i.variant & (kNotOfLamps - 1));
+    const bool around = ((i.variant & kAroundBackground) && s.span.is_background) || ((i.variant & kAroundLamps) && s.span.is_lamp);
+    if (around) kind = TransformKind::VectorToObject;
     for (int k = 0; k < n; ++k) {
         const Vec3 v = transform(to_world, to_camera, kind, Vec3{r[3][k], r[4][k], r[5][k]});
         r[0][k] = v.x;
@@ -114,13 +124,14 @@ void op_window(const Instruction& i, Registers r, int n, const OpScope& s) {
     static constexpr scene::Camera kNoCamera{};
     const scene::Camera& camera = s.context.scene && s.context.scene->camera ? *s.context.scene->camera : kNoCamera;
     const Affine to_camera = inverse(camera.to_world);
+    const bool directions = s.span.is_background || ((i.variant & kAroundLamps) && s.span.is_lamp);
     if (camera.type == scene::CameraType::Panoramic) {
         using scene::PanoramaType;
         const bool fisheye = camera.panorama == PanoramaType::FisheyeEquidistant || camera.panorama == PanoramaType::FisheyeEquisolid;
-        const bool mirrored = i.variant == 1 && fisheye;
+        const bool mirrored = (i.variant & 1) && fisheye;
         for (int k = 0; k < n; ++k) {
             const Vec3 p{r[2][k], r[3][k], r[4][k]};
-            const Vec2 at = panorama_window(camera, normalize(s.span.is_background ? transform_direction(to_camera, p) : transform_point(to_camera, p)));
+            const Vec2 at = panorama_window(camera, normalize(directions ? transform_direction(to_camera, p) : transform_point(to_camera, p)));
             r[0][k] = mirrored ? 1.0f - at.x : at.x;
             r[1][k] = at.y;
         }
@@ -128,9 +139,13 @@ void op_window(const Instruction& i, Registers r, int n, const OpScope& s) {
     }
     const float width = camera.view[1] - camera.view[0], height = camera.view[3] - camera.view[2];
     const bool flat = camera.type == scene::CameraType::Orthographic;
+    // Parallel rays to the background differ by their place alone; of other rays the direction counts, as if it were a point.
+    const bool has_places = flat && s.span.is_background && s.span.origin.x && s.span.ray_flags;
     for (int k = 0; k < n; ++k) {
-        const Vec3 p{r[2][k], r[3][k], r[4][k]};
-        const Vec3 c = s.span.is_background ? transform_direction(to_camera, p) : transform_point(to_camera, p);
+        const int lane = std::min(k, s.span.n - 1);
+        const bool place = has_places && (s.span.ray_flags[lane] & kRayCamera);
+        const Vec3 p = place ? load(s.span.origin, lane) : Vec3{r[2][k], r[3][k], r[4][k]};
+        const Vec3 c = directions && !flat ? transform_direction(to_camera, p) : transform_point(to_camera, p);
         const float depth = flat ? 1.0f : -c.z;
         const float scale = depth != 0.0f ? 1.0f / depth : 0.0f;
         r[0][k] = width != 0.0f ? (c.x * scale - camera.view[0]) / width : 0.0f;

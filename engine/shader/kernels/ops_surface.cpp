@@ -72,15 +72,18 @@ TALBOT_INLINE Vec3 own_normal(const scene::MeshView& mesh, Vec3 n) {
 void op_attribute(const Instruction& i, Registers r, int n, const OpScope& s) {
     const int32_t id = int32_t(i.data);
     const AttributeSource source = AttributeSource(i.variant);
-    const float missing_alpha = source == AttributeSource::OpaqueGeometry ? 1.0f : 0.0f;
+    const bool is_property = source == AttributeSource::Property || source == AttributeSource::PropertyOrLamp;
+    const bool of_object = is_property || source == AttributeSource::Object;
+    const scene::LampView* lamp = source == AttributeSource::PropertyOrLamp ? lamp_of(s) : nullptr;
+    const bool opaque = source == AttributeSource::OpaqueGeometry || (is_property && !lamp && (s.span.is_lamp || s.span.is_background));
     for (int k = 0; k < s.span.n; ++k) {
-        float value[5] = {0, 0, 0, missing_alpha, 0};
+        float value[5] = {0, 0, 0, opaque ? 1.0f : 0.0f, 0};
         const int32_t object = object_of(s, k);
-        if (object >= 0 && id < s.context.scene->attribute_count) {
+        if (lamp && lamp->attributes && id < s.context.scene->attribute_count) {
+            if (lamp->attributes[id].data) read_attribute(lamp->attributes[id], nullptr, 0, 0.0f, 0.0f, value);
+        } else if (object >= 0 && id < s.context.scene->attribute_count) {
             const scene::MeshView* mesh = mesh_of(s, k);
-            const scene::AttributeView* views = source == AttributeSource::Object ? scene::traits_of(*s.context.scene, object).attributes
-                                                : mesh                            ? mesh->attributes
-                                                                                  : nullptr;
+            const scene::AttributeView* views = of_object ? scene::traits_of(*s.context.scene, object).attributes : mesh ? mesh->attributes : nullptr;
             if (views && views[id].data) read_attribute(views[id], mesh, mesh ? s.span.primitive[k] : 0, r[5][k], r[6][k], value);
         }
         for (int c = 0; c < 5; ++c) r[c][k] = value[c];

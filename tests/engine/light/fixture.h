@@ -127,7 +127,7 @@ inline void sample_many(Fixture& f, Stratum stratum, Vec3 p, int count, const st
         query.pick_v = b;
         query.u = u;
         query.v = v;
-        query.bounce = bounces;
+        query.depths.bounces = bounces;
         if (receiver >= 0) query.receiver = receivers;
         query.time = time;
         query.n = n;
@@ -192,8 +192,7 @@ inline Met meet(Fixture& f, Vec3 p, Vec3 d) {
         met.distance = double(best);
     } else if (lamp >= 0) {
         float rgb[3], pdf = 0;
-        const int32_t flags = 0;
-        shade_lamps(*f.table, origin, direction, &lamp, &t, &flags, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf);
+        shade_lamps(*f.table, origin, direction, &lamp, &t, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf);
         met.radiance = double(rgb[0]);
         met.pdf = double(pdf);
         met.distance = double(t);

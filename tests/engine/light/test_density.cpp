@@ -277,7 +277,7 @@ TEST(Density, SunsSeenAndSampled) {
             float w[3] = {d.x, d.y, d.z}, rgb[3];
             const int32_t visible = scene::kVisibleCamera;
             for (const float own : {-1.0f, float(pdf)}) {
-                shade_suns(*f.table, {w, w + 1, w + 2}, &visible, &own, 1, {rgb, rgb + 1, rgb + 2});
+                shade_suns(*f.table, {w, w + 1, w + 2}, &visible, &own, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2});
                 (own < 0 ? sum : half) += double(rgb[0]) * double(d.z) * 2 * M_PI * one_minus_cos;
             }
         }

@@ -258,8 +258,8 @@ TEST(Irradiance, BouncesLimitALamp) {
             1, false, bounce);
         EXPECT_EQ(sum > 0, bounce <= 1) << bounce;
         float o[3] = {0, 0, 0}, d[3] = {0, 0, 1}, rgb[3], pdf, t = 1;
-        const int32_t lamp = 0, flags = 0, b = bounce;
-        shade_lamps(*f.table, {o, o + 1, o + 2}, {d, d + 1, d + 2}, &lamp, &t, &flags, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf, &b);
+        const int32_t lamp = 0, b = bounce;
+        shade_lamps(*f.table, {o, o + 1, o + 2}, {d, d + 1, d + 2}, &lamp, &t, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf, {&b});
         EXPECT_GT(rgb[0], 0.0f) << "rays that meet it see it";
     }
 }
@@ -293,7 +293,7 @@ TEST(Samples, OfALaneDoNotDependOnItsNeighbours) {
         query.pick_v = u[1] + begin;
         query.u = u[2] + begin;
         query.v = u[3] + begin;
-        query.bounce = bounce + begin;
+        query.depths.bounces = bounce + begin;
         query.n = n;
         sample_emitters(*f.table, Stratum::Local, query, f.programs, f.context, f.scratch, samples.out());
     };

@@ -50,7 +50,7 @@ TEST(Links, WorldAndSunsShareTheSamplesOfEachSet) {
         const float of_both = both.probability / (both.probability + own.probability) * 0.5f * kInvPi / both.one_minus_cos,
                     of_own = own.probability / (both.probability + own.probability) * 0.5f * kInvPi / own.one_minus_cos;
         for (float bsdf : {-1.0f, of_both}) {
-            shade_suns(*f.table, {w, w + 1, w + 2}, &visible, &bsdf, 1, {rgb, rgb + 1, rgb + 2}, &receiver);
+            shade_suns(*f.table, {w, w + 1, w + 2}, &visible, &bsdf, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, {}, &receiver);
             const float weight = of_own / of_both;
             EXPECT_NEAR(rgb[0], bsdf < 0 ? both.power.x + own.power.x : 0.5f * both.power.x + own.power.x / (1 + weight * weight), 1e-3f * rgb[0]) << receiver;
         }
@@ -81,9 +81,8 @@ TEST(Links, ManyLamps) {
         const Vec3 to = f.table->lamps[size_t(i)].center - p, d = normalize(to);
         float w[3] = {d.x, d.y, d.z};
         const float t = length(to) - 0.1f;
-        const int32_t receiver = 1, flags = 0;
-        shade_lamps(*f.table, {o, o + 1, o + 2}, {w, w + 1, w + 2}, &i, &t, &flags, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf, nullptr,
-                    &receiver);
+        const int32_t receiver = 1;
+        shade_lamps(*f.table, {o, o + 1, o + 2}, {w, w + 1, w + 2}, &i, &t, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, &pdf, {}, &receiver);
         EXPECT_EQ(rgb[0] > 0, i % 3 == 0) << i;
         EXPECT_EQ(pdf > 0, i % 3 == 0) << i;
     }
@@ -119,7 +118,8 @@ TEST(Links, OwnBlockersNeedRaysOfTheirOwn) {
             intersect_lamps(*f.table, {o, o + 1, o + 2}, {d, d + 1, d + 2}, &far, &visible, 1, &lamp, &t, nullptr,
                             linked ? light::Met::Linked : light::Met::ByPaths);
             EXPECT_EQ(lamp, camera == linked ? -1 : 0);
-            shade_suns(*f.table, {d, d + 1, d + 2}, &visible, &delta, 1, {rgb, rgb + 1, rgb + 2}, nullptr, linked ? light::Met::Linked : light::Met::ByPaths);
+            shade_suns(*f.table, {d, d + 1, d + 2}, &visible, &delta, 1, f.programs, f.context, f.scratch, {rgb, rgb + 1, rgb + 2}, {}, nullptr,
+                       linked ? light::Met::Linked : light::Met::ByPaths);
             EXPECT_EQ(rgb[0] > 0, camera != linked);
         }
     }

@@ -122,6 +122,9 @@ Scene make_scene() {
     light.max_bounces = 5;
     light.light_group = 2;
     light.random = 9;
+    light.object_color[2] = 0.25f;
+    light.pass_index = 4;
+    light.attributes = {{"object:shade", Domain::Object, 1, false, {0.5f}}};
     light.linking = {6, 17};
     light.is_shadow_catcher = false;
     scene.lights = {light};
@@ -239,6 +242,9 @@ TEST(Dump, RoundTripKeepsEveryByte) {
     EXPECT_EQ(loaded.lights[0].linking.receivers, 6u);
     EXPECT_EQ(loaded.lights[0].linking.blockers, 17);
     EXPECT_FALSE(loaded.lights[0].is_shadow_catcher);
+    EXPECT_EQ(loaded.lights[0].object_color[2], 0.25f);
+    EXPECT_EQ(loaded.lights[0].pass_index, 4);
+    EXPECT_EQ(loaded.lights[0].attributes.at(0).name, "object:shade");
     EXPECT_EQ(loaded.traits[1].linking, 0);
     EXPECT_EQ(loaded.traits[1].light_group, 1);
     EXPECT_EQ(loaded.lights[0].light_group, 2);
@@ -277,7 +283,7 @@ TEST(Dump, KnowsEveryField) {
     EXPECT_EQ(sizeof(Node), 160u);
     EXPECT_EQ(sizeof(ShaderGraph), 64u);
     EXPECT_EQ(sizeof(Shader), 112u);
-    EXPECT_EQ(sizeof(Light), 192u);
+    EXPECT_EQ(sizeof(Light), 232u);
     EXPECT_EQ(sizeof(World), 28u);
     EXPECT_EQ(sizeof(Camera), 168u);
     EXPECT_EQ(sizeof(Image), 192u);
