@@ -20,7 +20,8 @@ from .context import (
     PROPERTY_PREFIXES,
     SyncContext,
 )
-from .tangents import corner_tangents
+from .generated import generated_of, texture_space
+from .tangents import corner_tangents, tangents_without_map
 from .topology import pointiness, random_per_island
 
 F32 = NDArray[np.float32]
@@ -38,6 +39,8 @@ VALUE_FIELDS = {
 }
 """Where a generic attribute keeps its values, and how many there are. `color` of byte colours is linear already."""
 INTEGERS = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": np.bool_}
+NO_MAP = "@tangent:"
+"""Tangents where there is no UV map."""
 DOMAINS = {"POINT": "VERTEX", "CORNER": "CORNER", "FACE": "FACE", "EDGE": "VERTEX"}
 
 
@@ -181,7 +184,7 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
         elif name == ACTIVE_COLOR:
             wanted.add(_active_color(mesh))
         elif name == ACTIVE_TANGENT:
-            wanted.add(f"@tangent:{active.name}" if active is not None else "")
+            wanted.add(f"@tangent:{active.name}" if active is not None else NO_MAP)
         elif not name.startswith(tuple(PROPERTY_PREFIXES.values())) and name != INSTANCER:
             wanted.add(name)
     wanted.discard("")
@@ -194,6 +197,9 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
             uv = _read_uv(mesh, name.removeprefix("@tangent:"))
             if uv is not None:
                 out.append((name, "CORNER", False, corner_tangents(mesh, name.removeprefix("@tangent:"), uv, arrays)))
+            elif name == NO_MAP:
+                generated = generated_of(mesh, _undeformed(mesh))
+                out.append((name, "CORNER", False, tangents_without_map(generated, arrays, context.version >= 500)))
             continue
         if name == POINTINESS:
             out.append((name, "VERTEX", False, pointiness(mesh, arrays["positions"])))
@@ -236,17 +242,17 @@ def _edges_to_vertices(mesh: Any, values: F32) -> F32:
     return total / np.maximum(count, 1.0)[:, None]
 
 
+def _undeformed(mesh: Any) -> F32:
+    return read_column(mesh.vertices, "undeformed_co", len(mesh.vertices), np.float32, 3)
+
+
 def _generated(mesh: Any, arrays: dict[str, Any]) -> list[tuple[str, str, bool, Any]]:
-    """Generated is the undeformed position in the texture space: an offset and a scale, or values a vertex where
-    modifiers deform."""
-    size = np.array(mesh.texspace_size, dtype=np.float32)
-    location = np.array(mesh.texspace_location, dtype=np.float32)
-    scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
-    offset = (0.5 - location * scale).astype(np.float32)
+    """An offset and a scale, or values a vertex where modifiers deform."""
+    scale, offset = texture_space(mesh)
     arrays["generated_scale"] = tuple(float(v) for v in scale)
     arrays["generated_offset"] = tuple(float(v) for v in offset)
-    undeformed = read_column(mesh.vertices, "undeformed_co", len(mesh.vertices), np.float32, 3)
-    extent = float(np.abs(size).max()) if len(size) else 0.0
+    undeformed = _undeformed(mesh)
+    extent = float(np.abs(mesh.texspace_size).max())
     if np.allclose(undeformed, arrays["positions"], rtol=0, atol=1e-5 * max(extent, 1e-6)):
         return []
-    return [(GENERATED, "VERTEX", False, np.ascontiguousarray(undeformed * scale + offset, dtype=np.float32))]
+    return [(GENERATED, "VERTEX", False, generated_of(mesh, undeformed))]

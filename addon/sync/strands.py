@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from .. import versions
 from .context import ACTIVE_COLOR, ACTIVE_UV, CURVE_NORMAL, GENERATED, SyncContext
 from .curve_normals import curve_normals
+from .generated import generated_of
 from .hashes import mixed_keys
 from .mesh import INTEGERS, VALUE_FIELDS, read_column
 
@@ -183,14 +184,6 @@ def linear_of_srgb(values: F32) -> F32:
     return np.where(values <= 0.04045, low, high).astype(np.float32)
 
 
-def generated_of(data: Any, points: F32) -> F32:
-    """Positions in the texture space of a mesh."""
-    size = np.array(data.texspace_size, dtype=np.float32)
-    scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0)
-    offset = 0.5 - np.array(data.texspace_location, dtype=np.float32) * scale
-    return np.ascontiguousarray(points * scale + offset, dtype=np.float32)
-
-
 def random_numbers(count: int) -> F32:
     """One number of 0 to 1 for each curve or point."""
     keys = mixed_keys(np.arange(count, dtype=np.uint32))
@@ -221,8 +214,6 @@ def read_curves(context: SyncContext, data: Any, scene: Any) -> dict[str, Any] |
         (LENGTH, "FACE", False, length.astype(np.float32)),
         (RANDOM, "FACE", False, random_numbers(curves)),
     ]
-    if GENERATED in context.wanted:
-        attributes.append((GENERATED, "FACE", False, _generated(positions, positions[starts[:-1]])))
     if CURVE_NORMAL in context.wanted:
         attributes.append((CURVE_NORMAL, "VERTEX", False, curve_normals(data, positions, starts)))
     attributes += _generic(context, data, {"POINT": ("VERTEX", keys), "CURVE": ("FACE", curves)})
@@ -253,8 +244,6 @@ def read_points(context: SyncContext, data: Any) -> dict[str, Any] | None:
         return None
     positions = _positions(data, count)
     attributes: Attributes = [(RANDOM, "VERTEX", False, random_numbers(count))]
-    if GENERATED in context.wanted:
-        attributes.append((GENERATED, "VERTEX", False, _generated(positions, positions)))
     attributes += _generic(context, data, {"POINT": ("VERTEX", count)})
     return {"positions": positions, "radii": _radii(data, count, POINT_RADIUS), "attributes": attributes}
 
@@ -273,13 +262,6 @@ def _radii(data: Any, count: int, fallback: float) -> F32:
     if radius is None or radius.data_type != "FLOAT" or len(radius.data) != count:
         return np.full(count, fallback, dtype=np.float32)
     return read_column(radius.data, "value", count, np.float32)
-
-
-def _generated(positions: F32, points: F32) -> F32:
-    """Points in the box around all positions."""
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    size = np.where(high > low, high - low, 1.0)
-    return np.ascontiguousarray((points - low) / size, dtype=np.float32)
 
 
 def _generic(context: SyncContext, data: Any, domains: dict[str, tuple[str, int]]) -> Attributes:

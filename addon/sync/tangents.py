@@ -19,7 +19,7 @@ def corner_tangents(mesh: Any, uv_name: str, uv: F32, arrays: dict[str, Any]) ->
     try:
         mesh.calc_tangents(uvmap=uv_name)
     except RuntimeError:
-        return _own_tangents(uv, arrays)
+        return _tangents_of(uv, arrays)
     tangents = np.empty(corners * 3, dtype=np.float32)
     signs = np.empty(corners, dtype=np.float32)
     mesh.loops.foreach_get("tangent", tangents)
@@ -33,7 +33,25 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
-def _own_tangents(uv: F32, arrays: dict[str, Any]) -> F32:
+def tangents_without_map(generated: F32, arrays: dict[str, Any], unfold: bool) -> F32:
+    """(C, 4) where there is no UV map: it is longitude and latitude around the middle of the texture space then.
+
+    `unfold`: triangles do not run back around the ball where the longitude begins again.
+    """
+    x, y, z = (generated.astype(np.float64) - 0.5).T
+    length = np.sqrt(x * x + y * y + z * z)
+    u = np.where((x != 0) | (y != 0), 0.5 - np.arctan2(x, y) / (2 * np.pi), 0.0)
+    v = 1 - np.arccos(np.clip(np.divide(z, length, out=np.zeros_like(z), where=length > 0), -1, 1)) / np.pi
+    uv = np.where(length[:, None] > 0, np.stack((u, v), axis=1), 0.0).astype(np.float32)[arrays["corner_vertices"]]
+    if unfold:
+        corners = arrays["triangle_corners"].reshape(-1, 3)
+        corners = corners[np.ptp(uv[corners, 0], axis=1) >= 0.5].reshape(-1)
+        uv[corners[uv[corners, 0] >= 0.5], 0] -= 1.0
+    return _tangents_of(uv, arrays)
+
+
+def _tangents_of(uv: F32, arrays: dict[str, Any]) -> F32:
+    """(C, 4) for (C, 2) coordinates."""
     triangles = arrays["triangle_corners"].astype(np.int64)
     vertices = arrays["corner_vertices"].astype(np.int64)[triangles]
     points = arrays["positions"].astype(np.float64)[vertices]

@@ -139,5 +139,12 @@ TALBOT_INLINE void make_basis(Vec3 n, Vec3& t, Vec3& b) {
 
 Affine inverse(const Affine& t);                           ///< A singular map gives the zero map.
 Affine compose(const Affine& outer, const Affine& inner);  ///< outer after inner.
+/// True when the map keeps angles: rotation, mirroring and uniform scale, each to `tolerance`.
+TALBOT_INLINE bool keeps_angles(const Affine& t, float tolerance = 1e-3f) {
+    const Vec3 x{t.m[0][0], t.m[1][0], t.m[2][0]}, y{t.m[0][1], t.m[1][1], t.m[2][1]}, z{t.m[0][2], t.m[1][2], t.m[2][2]};
+    const float xx = dot(x, x), eps = tolerance * xx;
+    return std::fabs(dot(y, y) - xx) <= 2.0f * eps && std::fabs(dot(z, z) - xx) <= 2.0f * eps && std::fabs(dot(x, y)) <= eps && std::fabs(dot(y, z)) <= eps &&
+           std::fabs(dot(z, x)) <= eps;
+}
 
 }  // namespace talbot

@@ -140,6 +140,7 @@ private:
                 const Vec3 n_s = unit_or(transform_normal(placed.to_object, normals[c.vertex]), {0, 0, 1});
                 store(span.p, i, transform_point(placed.to_world, mesh.positions[c.vertex]));
                 store(span.n_s, i, n_s);
+                store(span.wo, i, compiled.displaced_from_front ? n_s : Vec3{});
                 store(span.n_g, i, unit_or(transform_normal(placed.to_object, face_normal(mesh, mesh.positions.data(), c.triangle)), n_s));
                 span.u[i] = c.corner == 1 ? 1.0f : 0.0f;
                 span.v[i] = c.corner == 2 ? 1.0f : 0.0f;

@@ -13,7 +13,7 @@
 /// what the tracer's own normal loses.
 ///
 /// Curves and points. Ribbons face the ray but are shaded as round: p is the point of the round fibre in front, n_s = n_g its normal, v where the ray
-/// crosses it from side to side (-1 to 1; thick curves get the same), backfacing 0. A fibre is one surface, met once: light that a closure sends through it
+/// crosses it from side to side (-1 to 1; of thick curves 0), backfacing 0. A fibre is one surface, met once: light that a closure sends through it
 /// starts behind it. For this `error` is negative, minus the fibre's radius, and offset_origin knows what to do. Points are spheres, seen from outside only.
 ///
 /// p is kept a few boxes away from the edges of its triangle, within the surface: where two faces meet in a corner, a rounded p might else lie behind the other

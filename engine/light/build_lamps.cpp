@@ -57,15 +57,6 @@ ConeFrame cone_frame(const Affine& to_world, bool today) {
     return {row(0), row(1), row(2)};
 }
 
-/// True when the map keeps angles: rotation, mirroring and uniform scale.
-bool keeps_angles(const Affine& m) {
-    const Vec3 x = column(m, 0), y = column(m, 1), z = column(m, 2);
-    const float scale = length(x);
-    const float eps = 1e-3f * scale;
-    return std::abs(length(y) - scale) < eps && std::abs(length(z) - scale) < eps && std::abs(dot(x, y)) < eps * scale && std::abs(dot(x, z)) < eps * scale &&
-           std::abs(dot(y, z)) < eps * scale;
-}
-
 void add_point_or_spot(const scene::Light& light, bool today, Lamp& lamp, Reach& reach) {
     const float r = std::max(light.radius, 0.0f);
     const double pi = M_PI;

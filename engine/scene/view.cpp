@@ -84,15 +84,6 @@ MeshView view_mesh(const Mesh& mesh, const SceneTables& tables, AttributeView* a
 
 namespace {
 
-/// Whether it scales alike in all directions: then normals may be interpolated before or after it.
-bool keeps_angles(const Affine& map) {
-    const auto column = [&](int j) { return Vec3{map.m[0][j], map.m[1][j], map.m[2][j]}; };
-    const Vec3 x = column(0), y = column(1), z = column(2);
-    const float xx = dot(x, x), tolerance = 1e-4f * xx;
-    return std::abs(dot(y, y) - xx) <= tolerance && std::abs(dot(z, z) - xx) <= tolerance && std::abs(dot(x, y)) <= tolerance &&
-           std::abs(dot(y, z)) <= tolerance && std::abs(dot(z, x)) <= tolerance;
-}
-
 /// job(begin, end) for parts of 0 to n.
 template <class Job>
 void share(size_t n, WorkerPool* pool, Job&& job) {
@@ -128,10 +119,13 @@ void map_normals(const Scene& scene, SceneTables& tables, WorkerPool* pool) {
     for (int32_t i = 0; i < scene_view.object_count; ++i) {
         const TraitsView& traits = traits_of(scene_view, i);
         if (traits.mesh < 0 || traits.visibility == 0 || users[size_t(traits.mesh)] != 1) continue;
-        if (motion_of(scene_view, i).steps > 0 || keeps_angles(scene_view.objects[i].to_world)) continue;
+        if (motion_of(scene_view, i).steps > 0) continue;
+        MeshView& view = tables.meshes[size_t(traits.mesh)];
+        view.stands_alone = true;
+        // Normals may be interpolated before or after a scale that is alike in all directions.
+        if (keeps_angles(scene_view.objects[i].to_world, 1e-4f)) continue;
         const Affine& to_object = scene_view.to_object[i];
         const Mesh& mesh = *scene.meshes[size_t(traits.mesh)];
-        MeshView& view = tables.meshes[size_t(traits.mesh)];
         if (mesh.kind != GeometryKind::Triangles || (!view.corner_normals && !view.vertex_normals)) continue;
         MappedNormals& mapped = tables.mapped_normals[traits.mesh];
         if (const auto known = before.find(traits.mesh); known != before.end()) mapped = std::move(known->second);

@@ -76,6 +76,7 @@ struct MeshView {
     const Vec3* motion_positions = nullptr;         ///< null: the shape stays
     const Vec3* motion_normals = nullptr;
     bool has_mapped_normals = false;  ///< normals are not unit: the map of the only object makes their lengths equal, see make_scene_view
+    bool stands_alone = false;        ///< final renders: one object shows it, at one place
     GeometryKind kind = GeometryKind::Triangles;
     CurveShape curve_shape = CurveShape::Ribbon;
     int32_t ribbon_pieces = 1;  ///< straight pieces that the tracer makes of a ribbon's segment

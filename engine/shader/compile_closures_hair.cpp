@@ -7,12 +7,11 @@ namespace {
 
 /// What Blender says of a fibre at its hit. On meshes the fibre runs along an edge of the triangle.
 struct Strand : ClosureMaker {
-    enum Elsewhere : uint8_t { FirstEdge = 1, LastEdge = 2 };
     Value is_curve;
 
     explicit Strand(NodeContext& node) : ClosureMaker(node), is_curve(e.emit(Op::ObjectValue, uint8_t(ObjectField::IsCurve), std::span<const Value>{})) {}
 
-    Value3 along(Elsewhere edge) { return e.triple(e.emit(Op::CurveTangent, edge, std::span<const Value>{}, 3)); }
+    Value3 along(NoCurve edge) { return e.triple(e.emit(Op::CurveTangent, uint8_t(edge), std::span<const Value>{}, 3)); }
 
     /// 1 + 2 (random - 0.5) amount. The number is the curve's own unless something is linked.
     Value varied(Value amount) {
@@ -45,7 +44,7 @@ void compile_chiang(Strand& s, Value3 weight) {
     const Value vary = s.varied(n.value("Random Roughness"));
     const Value rough = e.mul(n.value("Roughness", 0.3f), vary), radial = e.mul(n.value("Radial Roughness", 0.3f), vary);
     const Value widths = s.op(ClosureOp::HairWidths, {rough, radial, n.value("Coat")}, 3);
-    const Value3 sigma = s.absorption(radial), tangent = s.along(Strand::FirstEdge);
+    const Value3 sigma = s.absorption(radial), tangent = s.along(NoCurve::FirstEdge);
     n.closure(
         ClosureType::HairChiang, LobeKind::Transmission, weight, n.geometric_normal(),
         {tangent.x, tangent.y, tangent.z, sigma.x, sigma.y, sigma.z, widths, e.after(widths, 1), e.after(widths, 2), n.value("Offset"), n.value("IOR", 1.55f)},
@@ -56,7 +55,7 @@ void compile_huang(Strand& s, Value3 weight) {
     NodeContext& n = s.n;
     Expressions& e = s.e;
     const Value rough = e.mul(n.value("Roughness", 0.3f), s.varied(n.value("Random Roughness")));
-    const Value3 sigma = s.absorption(rough), tangent = s.along(Strand::FirstEdge), wo = n.incoming(), normal = n.geometric_normal();
+    const Value3 sigma = s.absorption(rough), tangent = s.along(NoCurve::FirstEdge), wo = n.incoming(), normal = n.geometric_normal();
     // Elliptic fibres only where there are curves.
     const Value ratio = e.select(s.is_curve, n.value("Aspect Ratio", 1), e.literal(1));
     Value3 major = normal;
@@ -77,7 +76,8 @@ void compile_huang(Strand& s, Value3 weight) {
         weight = e.mul(weight, e.one_minus(beside));
     }
     // From the camera a fibre that is wider than a pixel shows its parts.
-    const Value radius = n.attribute(scene::kRadius)[0];
+    const Value scale = e.emit(Op::ObjectValue, uint8_t(ObjectField::MeanScale), std::span<const Value>{});
+    const Value radius = e.mul(n.attribute(scene::kRadius)[0], scale);
     const Value half_pixel = e.div(e.mul(e.input(InputColumn::Footprint), 0.5f), radius);
     const Value near = e.mul(e.input(InputColumn::IsCamera), s.is_curve);
     const Value coverage = e.select(near, half_pixel, e.literal(1));
@@ -97,7 +97,7 @@ void compile_hair(NodeContext& n, Value3 weight) {
     Strand s(n);
     Expressions& e = n.e;
     const bool through = n.choice("component", {"Reflection", "Transmission"}) == 1;
-    Value3 tangent = s.along(Strand::LastEdge);
+    Value3 tangent = s.along(NoCurve::LastEdge);
     Value offset = e.negate(n.value("Offset"));
     if (n.linked("Tangent")) {
         tangent = n.vector("Tangent");

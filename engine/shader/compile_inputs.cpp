@@ -83,7 +83,9 @@ void compile_geometry(NodeContext& n) {
     // Lamps and backgrounds have none.
     const Value on_surface = e.mul(e.one_minus(e.input(I::IsBackground)), e.one_minus(e.input(I::IsLamp)));
     n.set_vector("Tangent", e.mul(n.tangent(""), on_surface));
-    n.set_vector("True Normal", n.geometric_normal());
+    // A ribbon is flat and faces the viewer.
+    const Value is_ribbon = e.emit(Op::ObjectValue, uint8_t(ObjectField::IsRibbon), std::span<const Value>{});
+    n.set_vector("True Normal", e.select(is_ribbon, n.incoming(), n.geometric_normal()));
     n.set_vector("Incoming", n.incoming());
     const Value u = n.barycentric_u(), v = n.barycentric_v();
     n.set_vector("Parametric", {e.sub(e.sub(e.literal(1), u), v), u, e.literal(0)});
@@ -126,7 +128,12 @@ void compile_attribute(NodeContext& n) {
     if (type == 0) return set_attribute(n, n.attribute(name, AttributeSource::OpaqueGeometry));
     if (type == 3) return compile_layer_attribute(n);
     const AttributeSource source = n.semantics.lamps_have_space ? AttributeSource::PropertyOrLamp : AttributeSource::Property;
-    set_attribute(n, n.attribute((type == 1 ? scene::kOfObject : scene::kOfInstancer) + name, source));
+    std::array<Value, 5> a = n.attribute((type == 1 ? scene::kOfObject : scene::kOfInstancer) + name, source);
+    if (!n.semantics.points_have_properties) {
+        const Value is_point = n.e.emit(Op::ObjectValue, uint8_t(ObjectField::IsPoint), std::span<const Value>{});
+        for (Value& v : a) v = n.e.select(is_point, n.e.literal(0), v);
+    }
+    set_attribute(n, a);
 }
 
 void compile_color_attribute(NodeContext& n) {
@@ -219,14 +226,20 @@ void compile_particle_info(NodeContext& n) {
     vector("Angular Velocity", scene::kParticleSpin);
 }
 
+/// Radii with the object's scale: by its mean, or where the object's map can be applied to the data.
+Value world_radius(NodeContext& n, bool by_mean) {
+    const ObjectField scale = by_mean ? ObjectField::MeanScale : ObjectField::AppliedScale;
+    return n.e.mul(n.attribute(scene::kRadius)[0], n.e.emit(Op::ObjectValue, uint8_t(scale), std::span<const Value>{}));
+}
+
 void compile_hair_info(NodeContext& n) {
     Expressions& e = n.e;
     n.set("Is Strand", e.emit(Op::ObjectValue, uint8_t(ObjectField::IsCurve), std::span<const Value>{}));
     n.set("Intercept", n.attribute(scene::kIntercept)[0]);
     n.set("Length", n.attribute(scene::kLength)[0]);
-    n.set("Thickness", e.mul(n.attribute(scene::kRadius)[0], 2.0f));
-    // A point has neither a tangent nor a random number of a curve.
+    // Of a point a curve's questions have no answer.
     const Value is_curve = e.emit(Op::ObjectValue, uint8_t(ObjectField::IsCurve), std::span<const Value>{});
+    n.set("Thickness", e.mul(is_curve, e.mul(world_radius(n, n.semantics.curves_scale_by_mean), 2.0f)));
     n.set("Random", e.mul(is_curve, n.attribute(scene::kRandom)[0]));
     const Value3 tangent = e.triple(e.emit(Op::CurveTangent, 0, std::span<const Value>{}, 3)), wo = n.incoming();
     n.set_vector("Tangent Normal", e.mul(e.normalize(e.sub(wo, e.mul(tangent, e.dot(tangent, wo)))), is_curve));
@@ -237,7 +250,7 @@ void compile_point_info(NodeContext& n) {
     const auto center = n.attribute(scene::kCenter);
     const Value is_point = e.emit(Op::ObjectValue, uint8_t(ObjectField::IsPoint), std::span<const Value>{});
     n.set_vector("Position", e.mul(n.to_object({center[0], center[1], center[2]}, TransformKind::PointToWorld), is_point));
-    n.set("Radius", e.mul(n.attribute(scene::kRadius)[0], is_point));
+    n.set("Radius", e.mul(world_radius(n, n.semantics.points_scale_by_mean), is_point));
     n.set("Random", e.mul(n.attribute(scene::kRandom)[0], is_point));
 }
 

@@ -64,13 +64,14 @@ void compile_vector_transform(NodeContext& n) {
     const int from = n.choice("convert_from", {"WORLD", "OBJECT", "CAMERA"}), to = n.choice("convert_to", {"WORLD", "OBJECT", "CAMERA"}, 1);
     static constexpr TransformKind inwards[] = {TransformKind::PointToObject, TransformKind::VectorToObject, TransformKind::NormalToObject};
     static constexpr TransformKind outwards[] = {TransformKind::PointToWorld, TransformKind::VectorToWorld, TransformKind::NormalToWorld};
+    const int as = kind == 2 && n.semantics.normals_as_directions ? 1 : kind;
     const auto transform = [&](int space, TransformKind k) {
         if (space == 1) v = n.to_object(v, k);
         if (space == 2) v = e.emit3(Op::CameraTransform, uint8_t(k), {v.x, v.y, v.z});
     };
-    if (from == to) return n.set_vector("Vector", kind == 2 && n.semantics.transform_normalizes ? e.normalize(v) : v);
-    transform(from, outwards[kind]);
-    transform(to, inwards[kind]);
+    if (from == to) return n.set_vector("Vector", kind == 2 && n.semantics.normals_as_directions ? e.normalize(v) : v);
+    transform(from, outwards[as]);
+    transform(to, inwards[as]);
     n.set_vector("Vector", kind == 2 ? e.normalize(v) : v);
 }
 
@@ -94,7 +95,7 @@ void compile_tangent(NodeContext& n) {
         const auto a = n.attribute(tangent_name(n));
         t = {a[0], a[1], a[2]};
     } else {
-        const Value3 g = n.generated();
+        const Value3 g = n.generated(true);
         const Value x = e.add(g.x, -0.5f), y = e.add(g.y, -0.5f), z = e.add(g.z, -0.5f), zero = e.literal(0);
         const int axis = n.choice("axis", {"X", "Y", "Z"}, 2);
         t = axis == 0 ? Value3{zero, e.negate(z), y} : (axis == 1 ? Value3{e.negate(z), zero, x} : Value3{e.negate(y), x, zero});
@@ -172,7 +173,8 @@ void compile_vector_displacement(NodeContext& n) {
         const auto a = n.attribute(tangent_name(n));
         // Without tangents: along the triangle's edge.
         const Value has_tangent = e.dot({a[0], a[1], a[2]}, {a[0], a[1], a[2]});
-        const Value3 edge = n.to_object(e.triple(e.emit(Op::CurveTangent, 1, std::span<const Value>{}, 3)), TransformKind::VectorToObject);
+        const Value3 edge =
+            n.to_object(e.triple(e.emit(Op::CurveTangent, uint8_t(NoCurve::FirstEdge), std::span<const Value>{}, 3)), TransformKind::VectorToObject);
         const Value3 normal = e.normalize(n.to_object(n.shading_normal(), TransformKind::NormalToObject));
         const Value3 t = e.normalize(e.select(has_tangent, {a[0], a[1], a[2]}, edge));
         const Value3 b = e.mul(e.normalize(e.cross(normal, t)), e.select(has_tangent, a[3], e.literal(1)));

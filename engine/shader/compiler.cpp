@@ -111,6 +111,7 @@ private:
         if (!values.aovs.empty()) out.aov = add(lower(expressions, {nullptr, {}, {}, {}, {}, &values.aovs}, constants), shader.name);
         if (values.displacement.valid()) {
             out.displacement_method = shader.displacement;
+            out.displaced_from_front = semantics_of(scene_.settings.version).displaced_from_front;
             out.displacement = add(lower(expressions, {nullptr, {}, {}, {}, values.displacement, nullptr}, constants), shader.name);
             out.displacement_reads_camera = reads_camera(*programs_.programs[size_t(out.displacement)]);
         }

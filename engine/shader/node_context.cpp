@@ -94,12 +94,13 @@ Value3 NodeContext::normal(const char* identifier) {
 
 Value3 NodeContext::tangent(const char* identifier) {
     if (linked(identifier)) return vector(identifier);
-    // Radial around Z of the generated coordinates: the tangent of a lathe.
+    // Along curves, else radial around Z of the generated coordinates: the tangent of a lathe.
     const Value3 g = generated();
     const Value3 t{e.negate(e.add(g.y, -0.5f)), e.add(g.x, -0.5f), e.literal(0)};
     const Value3 n = shading_normal();
     const Value3 world = to_object(t, TransformKind::NormalToWorld);
-    return e.cross(n, e.normalize(e.cross(world, n)));
+    const Value3 radial = e.cross(n, e.normalize(e.cross(world, n)));
+    return e.emit3(Op::CurveTangent, uint8_t(NoCurve::Given), {radial.x, radial.y, radial.z});
 }
 
 Value3 NodeContext::texture_mapping(Value3 v) {
@@ -210,10 +211,10 @@ Value3 NodeContext::shading_normal() {
     return bent ? graph_.values.normal : e.input3(InputColumn::NormalX);
 }
 
-Value3 NodeContext::generated() {
+Value3 NodeContext::generated(bool or_world) {
     const Value3 p = to_object(position(), TransformKind::PointToObject);
     const uint32_t id = uint32_t(graph_.tables.attribute_id("@generated"));
-    return e.emit3(Op::Generated, 0, {barycentric_u(), barycentric_v(), p.x, p.y, p.z}, id);
+    return e.emit3(Op::Generated, or_world ? 1 : 0, {barycentric_u(), barycentric_v(), p.x, p.y, p.z}, id);
 }
 
 std::array<Value, 5> NodeContext::attribute(const std::string& name, AttributeSource source) {

@@ -40,7 +40,7 @@ public:
     bool output_linked(const char* identifier) const;
     /// Unlinked: the shading normal, towards the viewer. Linked: as it comes, not normalised. World space.
     Value3 normal(const char* identifier = "Normal");
-    /// Unlinked: the default tangent, radial around the generated Z axis. World space.
+    /// Unlinked: the default tangent, along curves or radial around the generated Z axis; none on points. World space.
     Value3 tangent(const char* identifier = "Tangent");
     /// Input "Vector" of a texture node; unlinked: generated coordinates. The node's texture mapping is applied.
     Value3 texture_vector();
@@ -71,7 +71,8 @@ public:
 
     // The shading point, shifted where a Bump node asks for it.
     Value3 position();  ///< world; background: the direction
-    Value3 generated();
+    /// `or_world`: curves and points that have none say their position in world space instead of object space.
+    Value3 generated(bool or_world = false);
     Value barycentric_u();
     Value barycentric_v();
     Value3 shading_normal();  ///< bent by displacement

@@ -25,13 +25,13 @@ enum class Op : uint16_t {
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
     Window,             ///< world position -> x, y of the film in 0..1. variant: 1 fisheyes (equidistant, equisolid) are mirrored
     Attribute,          ///< u, v -> 4 components, and what a number reads of them. data: attribute id; variant: AttributeSource
-    Generated,          ///< u, v, object position -> vector. data: id of "@generated"
+    Generated,          ///< u, v, object position -> vector. data: id of "@generated"; variant: 1 curves and points that have none say their world position
     VertexNormal,       ///< u, v -> interpolated unnormalised object-space normal (geometric on flat faces), facing the front side
     ObjectValue,        ///< -> x. variant: ObjectField; data: OfLamps
     Instancer,          ///< -> 5: dupli generated (3), dupli uv (2)
     ShiftBarycentrics,  ///< world offset vector -> u', v'
-    CurveTangent,  ///< -> unit vector along the curve from its root, world space. Where there is no curve: zero; variant 1: along the triangle's first edge,
-                   ///< 2: along its last one
+    CurveTangent,  ///< -> unit vector along the curve from its root, world space; elsewhere what the variant, a NoCurve, says: FirstEdge and LastEdge are the
+                   ///< triangle's, Given is the operand (a vector), but zero on points
 
     // Colour
     Blend,          ///< factor, a rgb, b rgb -> rgb. variant: BlendKind
@@ -199,7 +199,24 @@ enum class AttributeSource : uint8_t {
 };
 /// Of lamps an operation reads what its data says.
 enum class OfLamps : uint32_t { Nothing, Random, All };
-enum class ObjectField : uint8_t { LocationX, LocationY, LocationZ, ColorR, ColorG, ColorB, Alpha, Index, Random, NegativeScale, Smooth, IsCurve, IsPoint };
+enum class ObjectField : uint8_t {
+    LocationX,
+    LocationY,
+    LocationZ,
+    ColorR,
+    ColorG,
+    ColorB,
+    Alpha,
+    Index,
+    Random,
+    NegativeScale,
+    Smooth,
+    MeanScale,
+    AppliedScale,
+    IsCurve,
+    IsRibbon,
+    IsPoint
+};
 
 enum class BlendKind : uint8_t {
     Mix,
@@ -223,6 +240,7 @@ enum class BlendKind : uint8_t {
     Value,
 };
 enum class ConvertKind : uint8_t { RgbToHsv, HsvToRgb, RgbToHsl, HslToRgb };
+enum class NoCurve : uint8_t { Zero, FirstEdge, LastEdge, Given };
 enum class ProjectKind : uint8_t { Sphere, Tube, Equirectangular, MirrorBall };
 /// What IES tables read beyond their ends, below the first vertical angle of 0 excepted: the other end's values horizontally, zeros, or the end's own value.
 enum class IesEnds : uint8_t { Wrap, Zero, Stay };

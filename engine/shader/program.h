@@ -71,6 +71,7 @@ struct CompiledShader {
     bool spatially_varying = false;
     bool has_bump = false;
     bool displacement_reads_camera = false;
+    bool displaced_from_front = true;  ///< displacement sees a viewer in the direction of the normal, or none
     scene::DisplacementMethod displacement_method = scene::DisplacementMethod::Bump;
     SunDisc sun;
     int32_t pass_index = 0;

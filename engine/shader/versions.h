@@ -17,10 +17,11 @@ struct Semantics {
     bool ies_from_pole = false;            ///< IES tables must begin at the pole (before 4.2)
     bool ies_by_normal = false;            ///< IES tables are asked along the normal unless something is linked: of area lamps one direction (before 4.0)
     bool normal_map_scales_slope = true;   ///< strength of tangent-space normal maps (mixes normals before 4.2)
-    bool transform_normalizes = false;     ///< Vector Transform makes normals unit vectors even from a space to the same one (before 4.2)
-    bool bump_suits_reflections = false;   ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
-    bool brick_clamps = true;              ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
-    bool metal_has_film = true;            ///< thin film covers Principled's metal too (from 5.0)
+    bool normals_as_directions =
+        false;  ///< Vector Transform takes normals as directions, and makes unit vectors even from a space to the same one (before 4.2)
+    bool bump_suits_reflections = false;  ///< bumped normals are turned back until the mirror direction leaves the surface, whatever reads them (before 4.0)
+    bool brick_clamps = true;             ///< Brick Texture's mortar of negative smoothness is none (from 4.2)
+    bool metal_has_film = true;           ///< thin film covers Principled's metal too (from 5.0)
     bool coat_as_mirror =
         false;  ///< what lies under a coat loses what a smooth one would reflect, however rough the coat is, whose facets lose light among them (before 4.5)
     bool principled_v1 = false;         ///< Principled BSDF of the first generation (before 4.0)
@@ -36,10 +37,14 @@ struct Semantics {
     bool hue_truncates = false;            ///< a hue that Hue/Saturation turns below 0 stays negative (up to 4.2)
     bool fisheye_window_mirrored = false;  ///< Window coordinates of equidistant and equisolid fisheyes run from the right (before 4.3)
     float displacement_width = 0.1f;       ///< filter width of the bump that stands for displacement (1 before 4.5)
-    bool lamps_have_space = true;       ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
-    bool lamps_have_uv = true;          ///< UV maps on lamps are their own coordinates (not in 3.4)
-    bool polynomial_window = true;      ///< Window coordinates of fisheye lens polynomials are followed (not in 3.4)
-    bool default_is_principled = true;  ///< what has no material looks like a new material, as if painted before 5.0
+    bool lamps_have_space = true;  ///< Object and Generated on lamps are in the lamp's space, and it mirrors (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
+    bool lamps_have_uv = true;     ///< UV maps on lamps are their own coordinates (not in 3.4)
+    bool points_have_properties = true;  ///< points read properties of their object and its instancer (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
+    bool displaced_from_front = true;    ///< displacement is seen along the normal, before that from nowhere (from 4.3, 4.4 or 4.5; tested in 4.2 and 4.5)
+    bool points_scale_by_mean = true;    ///< Radius of Point Info goes by the mean scale of the object, also where that is uneven (not in 3.4)
+    bool curves_scale_by_mean = true;    ///< so does Thickness of Hair Info (from 5.0)
+    bool polynomial_window = true;       ///< Window coordinates of fisheye lens polynomials are followed (not in 3.4)
+    bool default_is_principled = true;   ///< what has no material looks like a new material, as if painted before 5.0
 };
 
 inline Semantics semantics_of(scene::BlenderVersion version) {
@@ -49,7 +54,7 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.noise_roughness_clamped = version < 402;
     s.sky_full_dome = version >= 500;
     s.normal_map_scales_slope = version >= 402;
-    s.transform_normalizes = version < 402;
+    s.normals_as_directions = version < 402;
     s.bump_suits_reflections = version < 400;
     s.brick_clamps = version >= 402;
     s.closures = closure_semantics_of(version);
@@ -72,6 +77,10 @@ inline Semantics semantics_of(scene::BlenderVersion version) {
     s.fisheye_window_mirrored = version < 403;
     s.lamps_have_space = version >= 405;
     s.lamps_have_uv = version >= 402;
+    s.points_have_properties = version >= 405;
+    s.displaced_from_front = version >= 405;
+    s.points_scale_by_mean = version >= 402;
+    s.curves_scale_by_mean = version >= 500;
     s.polynomial_window = version >= 402;
     s.default_is_principled = version >= 500;
     s.displacement_width = version >= 405 ? 0.1f : 1.0f;

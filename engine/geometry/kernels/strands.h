@@ -33,7 +33,7 @@ TALBOT_INLINE void shade_curve(const scene::Placement& object, const scene::Mesh
     const Vec3 front = cross(across, tangent);
 
     Vec3 center = curve_point(curve, u), outward = front;
-    float sine = out.v[i];
+    const float sine = clampf(out.v[i], -1.0f, 1.0f);
     if (mesh.curve_shape == scene::CurveShape::Ribbon) {
         // The tracer's ribbon is made of straight pieces; so is the fibre around it, or a ray might start on the wrong side of a piece.
         const float pieces = float(mesh.ribbon_pieces), piece = minf(std::floor(u * pieces), pieces - 1.0f);
@@ -43,15 +43,13 @@ TALBOT_INLINE void shade_curve(const scene::Placement& object, const scene::Mesh
         // Round ends are round: not only across.
         const Vec3 offset = transform_point(object.to_object, hit_point()) - center;
         if (dot(offset, offset) > 0.25f * radius * radius && dot(offset, offset) > 0.0f) outward = normalize(offset);
-        sine = dot(outward, across);
+        out.v[i] = 0.0f;
     }
-    sine = clampf(sine, -1.0f, 1.0f);
     const Vec3 normal = normalize(transform_normal(object.to_object, outward));
     const Vec3 p = transform_point(object.to_world, center + outward * radius);
     store(out.p, i, p);
     store(out.n_s, i, normal);
     store(out.n_g, i, normal);
-    out.v[i] = sine;
     out.backfacing[i] = 0;
     const float world_radius = radius * length(transform_direction(object.to_world, outward));
     // A twentieth of it keeps rays off the front: enough for what rounding makes of the position.
@@ -68,7 +66,7 @@ TALBOT_INLINE void shade_sphere(const scene::Placement& object, const scene::Mes
     Vec3 outward = transform_point(object.to_object, hit_point) - center;
     if (!(dot(outward, outward) > 0.0f)) outward = transform_direction(object.to_object, wo);
     outward = normalize(outward);
-    const Vec3 normal = normalize(transform_normal(object.to_object, outward));
+    const Vec3 offset = transform_direction(object.to_world, outward), normal = normalize(offset);
     const Vec3 p = transform_point(object.to_world, center + outward * radius);
     const bool back = dot(normal, wo) < 0.0f;
     const Vec3 n = back ? -normal : normal;
@@ -78,7 +76,7 @@ TALBOT_INLINE void shade_sphere(const scene::Placement& object, const scene::Mes
     out.u[i] = out.v[i] = 0.0f;
     out.backfacing[i] = back ? 1 : 0;
     // The tracer's distance and this point are each off by a few roundings of where things are, and of the radius.
-    const float world_radius = radius * length(transform_direction(object.to_world, outward));
+    const float world_radius = radius * length(offset);
     error[i] = 1e-4f * world_radius + 2e-6f * sum_of_sizes(p);
 }
 

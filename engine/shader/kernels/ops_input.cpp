@@ -137,6 +137,13 @@ float lamp_value(const scene::LampView& lamp, ObjectField field) {
     }
 }
 
+/// Root mean square of the scales along the axes.
+float mean_scale(const Affine& t) {
+    float sum = 0.0f;
+    for (const auto& row : t.m) sum += row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
+    return std::sqrt(sum / 3.0f);
+}
+
 }  // namespace
 
 void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s) {
@@ -171,11 +178,22 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
                 case ObjectField::NegativeScale:
                     x = determinant(o.to_world) < 0.0f ? 1.0f : 0.0f;
                     break;
+                case ObjectField::MeanScale:
+                    x = mean_scale(o.to_world);
+                    break;
+                case ObjectField::AppliedScale: {
+                    const scene::MeshView* mesh = mesh_of(s, k);
+                    const bool applied = mesh && mesh->stands_alone && (mesh->kind == scene::GeometryKind::Points || keeps_angles(o.to_world));
+                    x = applied ? std::cbrt(std::fabs(determinant(o.to_world))) : 1.0f;
+                    break;
+                }
                 case ObjectField::IsCurve:
+                case ObjectField::IsRibbon:
                 case ObjectField::IsPoint: {
                     const scene::MeshView* mesh = mesh_of(s, k);
-                    const auto kind = field == ObjectField::IsCurve ? scene::GeometryKind::Curves : scene::GeometryKind::Points;
-                    x = mesh && mesh->kind == kind ? 1.0f : 0.0f;
+                    const auto kind = field == ObjectField::IsPoint ? scene::GeometryKind::Points : scene::GeometryKind::Curves;
+                    const bool other_shape = field == ObjectField::IsRibbon && mesh && mesh->curve_shape != scene::CurveShape::Ribbon;
+                    x = mesh && mesh->kind == kind && !other_shape ? 1.0f : 0.0f;
                     break;
                 }
                 case ObjectField::Smooth: {

@@ -115,6 +115,8 @@ void op_generated(const Instruction& i, Registers r, int n, const OpScope& s) {
                 float value[5];
                 read_attribute(mesh->attributes[id], mesh, s.span.primitive[k], r[3][k], r[4][k], value);
                 g = {value[0], value[1], value[2]};
+            } else if (i.variant == 1 && mesh->kind != scene::GeometryKind::Triangles) {
+                g = transform_point(s.context.scene->objects[s.span.object[k]].to_world, g);
             } else {
                 g = g * mesh->generated_scale + mesh->generated_offset;
             }
@@ -182,15 +184,18 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
 }
 
 void op_curve_tangent(const Instruction& instruction, Registers r, int n, const OpScope& s) {
+    const NoCurve elsewhere = NoCurve(instruction.variant);
+    const bool along_edge = elsewhere == NoCurve::FirstEdge || elsewhere == NoCurve::LastEdge;
     for (int k = 0; k < s.span.n; ++k) {
-        Vec3 tangent{};
         const scene::MeshView* mesh = mesh_of(s, k);
+        Vec3 tangent{};
+        if (elsewhere == NoCurve::Given && !(mesh && mesh->kind == scene::GeometryKind::Points)) tangent = {r[3][k], r[4][k], r[5][k]};
         if (mesh && mesh->kind == scene::GeometryKind::Curves) {
             const scene::CurveSegment curve = scene::curve_segment(*mesh, s.span.primitive[k], s.span.time ? s.span.time[k] : 0.5f);
             tangent = normalize(transform_direction(s.context.scene->objects[s.span.object[k]].to_world, curve_tangent(curve, s.span.u[k])));
-        } else if (mesh && instruction.variant != 0 && mesh->kind == scene::GeometryKind::Triangles) {
+        } else if (mesh && along_edge && mesh->kind == scene::GeometryKind::Triangles) {
             const Triangle t = corners_of(mesh->triangle_vertices, s.span.primitive[k]);
-            const Vec3 edge = mesh->positions[instruction.variant == 1 ? t.b : t.c] - mesh->positions[t.a];
+            const Vec3 edge = mesh->positions[elsewhere == NoCurve::FirstEdge ? t.b : t.c] - mesh->positions[t.a];
             tangent = normalize(transform_direction(s.context.scene->objects[s.span.object[k]].to_world, edge));
         }
         r[0][k] = tangent.x;
