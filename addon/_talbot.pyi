@@ -156,7 +156,7 @@ class Session:
         """`positions` (moments * V, 3), and `normals` in the same way of the corner normals, where the mesh has none of the
         vertex normals. Until the mesh is set again."""
     def set_lights(self, lights: list[dict[str, Any]]) -> None:
-        """Replaces all lamps. `linking`: a pair as in ObjectArrays."""
+        """Replaces all lamps. `linking`: a pair as in ObjectArrays; `attributes`: a list of (name, 1 to 4 numbers)."""
     def add_shader(self, name: str, graph: dict[str, Any], values: dict[str, Any]) -> int:
         """graph = {"nodes": [{"type", "name", "properties": {name: number | str | f32 array},
                                "inputs": [(identifier, kind, value, hidden_value, from_node, from_output)],

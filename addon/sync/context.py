@@ -21,9 +21,11 @@ POINTINESS = "@pointiness"
 ISLAND = "@island"
 PARTICLE = "@particle"
 CURVE_NORMAL = "@curve_normal"
+UNMAPPED_TANGENT = "@unmapped:"
 PROPERTY_PREFIXES = {"OBJECT": "object:", "INSTANCER": "instancer:"}
 """Names in `SyncContext.wanted` that stand for a mesh's own choice, Generated, the instancer's coordinates, and what
-topology gives."""
+topology gives. Behind the prefix for unmapped tangents is who asks for the active map's: meshes without one need them
+for that material only."""
 
 
 INSTANCERS_HAVE_LIGHT_GROUPS = 402

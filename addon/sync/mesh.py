@@ -18,6 +18,7 @@ from .context import (
     ISLAND,
     POINTINESS,
     PROPERTY_PREFIXES,
+    UNMAPPED_TANGENT,
     SyncContext,
 )
 from .generated import generated_of, texture_space
@@ -176,7 +177,7 @@ def _read_uv(mesh: Any, name: str) -> F32 | None:
 
 def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list[tuple[str, str, bool, Any]]:
     """What shaders ask for and this mesh has."""
-    wanted = set()
+    wanted: set[str] = set()
     active = _active_uv(mesh)
     for name in context.wanted:
         if name == ACTIVE_UV:
@@ -184,7 +185,9 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
         elif name == ACTIVE_COLOR:
             wanted.add(_active_color(mesh))
         elif name == ACTIVE_TANGENT:
-            wanted.add(f"@tangent:{active.name}" if active is not None else NO_MAP)
+            wanted.add(f"@tangent:{active.name}" if active is not None else _unmapped_tangent(context, mesh))
+        elif name.startswith(UNMAPPED_TANGENT):
+            continue
         elif not name.startswith(tuple(PROPERTY_PREFIXES.values())) and name != INSTANCER:
             wanted.add(name)
     wanted.discard("")
@@ -198,6 +201,7 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
             if uv is not None:
                 out.append((name, "CORNER", False, corner_tangents(mesh, name.removeprefix("@tangent:"), uv, arrays)))
             elif name == NO_MAP:
+                context.check()
                 generated = generated_of(mesh, _undeformed(mesh))
                 out.append((name, "CORNER", False, tangents_without_map(generated, arrays, context.version >= 500)))
             continue
@@ -215,6 +219,12 @@ def _attributes(context: SyncContext, mesh: Any, arrays: dict[str, Any]) -> list
         if attribute is not None:
             out += _generic(context, mesh, attribute)
     return out
+
+
+def _unmapped_tangent(context: SyncContext, mesh: Any) -> str:
+    """Where there is no map: costly, so for materials that ask. An empty slot's may be the object's."""
+    owners = (f"{UNMAPPED_TANGENT}Material '{item.name}'" if item is not None else "" for item in mesh.materials)
+    return NO_MAP if any(not owner or owner in context.wanted for owner in owners) else ""
 
 
 def _generic(context: SyncContext, mesh: Any, attribute: Any) -> list[tuple[str, str, bool, Any]]:

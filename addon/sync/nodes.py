@@ -23,6 +23,7 @@ from .context import (
     PARTICLE,
     POINTINESS,
     PROPERTY_PREFIXES,
+    UNMAPPED_TANGENT,
     SyncContext,
 )
 from .ies import BadFile, ies_text, parse_ies
@@ -241,13 +242,13 @@ class GraphBuilder:
             wanted.add(prefix + properties["attribute_name"])
         elif kind == "ShaderNodeNormalMap" and properties.get("space") == "TANGENT":
             uv = properties.get("uv_map")
-            wanted.update((uv, f"@tangent:{uv}") if uv else (ACTIVE_UV, ACTIVE_TANGENT))
+            self._want_tangents(uv)
         elif kind == "ShaderNodeTangent":
             uv = properties.get("uv_map")
             if properties.get("direction_type") == "RADIAL":
                 wanted.add(GENERATED)
             else:
-                wanted.update((uv, f"@tangent:{uv}") if uv else (ACTIVE_UV, ACTIVE_TANGENT))
+                self._want_tangents(uv)
         elif kind in UNLINKED_GENERATED and vector_unlinked:
             wanted.add(GENERATED)
         elif kind == "ShaderNodeRaycast":
@@ -268,6 +269,10 @@ class GraphBuilder:
             wanted.add(GENERATED)
         if properties.get("from_instancer"):
             wanted.add(INSTANCER)
+
+    def _want_tangents(self, uv: str | None) -> None:
+        mine = (ACTIVE_UV, ACTIVE_TANGENT, UNMAPPED_TANGENT + self.owner)
+        self.wanted.update((uv, f"@tangent:{uv}") if uv else mine)
 
 
 def layer_value(layers: tuple[Any, ...], name: str) -> NDArray[np.float32]:

@@ -126,7 +126,7 @@ class ObjectPass:
         out.random[real] = mixed_keys(out.random[real])
         self._link()
         # Only now all shaders are known.
-        wanted = self.shaders.wanted()
+        wanted = self.shaders.wanted() | self.context.wanted
         if INSTANCER in wanted and dupli.any():
             self._read_dupli(instances)
         properties = sorted(name for name in wanted if name.startswith(tuple(PROPERTY_PREFIXES.values())))

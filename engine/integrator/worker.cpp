@@ -28,7 +28,7 @@ shader::ShadingSpan take_span(Arena& arena) {
 size_t worker_bytes(int max_registers) {
     const size_t column = kSpan * 4 + 128;
     const size_t path_columns = 64 * (kBatch * 4 + 128);
-    const size_t shadow_columns = 32 * (kShadowCapacity * 4 + 128);
+    const size_t shadow_columns = 40 * (kShadowCapacity * 4 + 128);
     const size_t span_columns = (size_t(max_registers) * 2 + kMaxSlots + kCompactColumns + light::kLightScratchColumns + 220) * column;
     return path_columns + shadow_columns + span_columns + kMaxShaders * 4 + 4096;
 }

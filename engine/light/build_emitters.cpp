@@ -134,6 +134,7 @@ EmitterTablePtr build_emitters(const scene::Scene& scene, const scene::SceneTabl
     view.world.columns = table->world_columns.data();
     view.world.density = table->world_density.data();
 
+    summary.has_lamp_programs = view.has_lamp_programs;
     summary.has_local = !table->emitters.empty();
     summary.has_distant = view.world.probability > 0;
     for (const Sun& sun : table->suns) summary.has_distant |= sun.probability > 0;

@@ -35,6 +35,7 @@ struct EmitterSummary {
     bool has_local = false;
     bool has_distant = false;           ///< suns or a world map
     bool has_visible_lamps = false;     ///< lamps that rays may hit (intersect_lamps is needed)
+    bool has_lamp_programs = false;     ///< lamps or suns with nodes
     bool has_links = false;             ///< some emitter does not light everything: receivers are asked for
     bool has_linked_lamps = false;      ///< lamps with blockers of their own that scattered rays may hit
     std::vector<int32_t> linked_suns;   ///< such suns, with a disc
@@ -103,6 +104,7 @@ struct EmissiveHits {
     PathDepths depths;
     const float* time = nullptr;
     int n = 0;
+    const float* ray_length = nullptr;  ///< where it is more than the distance: something transparent was passed before the origin
 };
 /// Their radiance towards the rays' origins. n <= kSpan.
 void shade_emissive(const shader::Programs& programs, const shader::ShaderContext& context, LightScratch& scratch, const EmissiveHits& hits, Columns3 radiance);

@@ -234,7 +234,9 @@ void make_scene_view(const Scene& scene, Handle default_shader, SceneTables& tab
 void make_lamp_views(const Scene& scene, SceneTables& tables) {
     const size_t names = tables.attribute_names.size();
     tables.lamps.assign(scene.lights.size(), {});
-    tables.lamp_attributes.assign(scene.lights.size() * names, {});
+    const auto reads = [&](const Light& light) { return names > 0 && !light.attributes.empty(); };
+    tables.lamp_attributes.assign(size_t(std::count_if(scene.lights.begin(), scene.lights.end(), reads)) * names, {});
+    AttributeView* row = tables.lamp_attributes.data();
     for (size_t i = 0; i < scene.lights.size(); ++i) {
         const Light& light = scene.lights[i];
         LampView& out = tables.lamps[i];
@@ -242,10 +244,10 @@ void make_lamp_views(const Scene& scene, SceneTables& tables) {
         std::copy(light.object_color, light.object_color + 4, out.color);
         out.pass_index = light.pass_index;
         out.random = light.random;
-        if (names == 0) continue;
-        AttributeView* row = tables.lamp_attributes.data() + i * names;
+        if (!reads(light)) continue;
         view_attributes(light.attributes, tables.attribute_names, nullptr, row);
         out.attributes = row;
+        row += names;
     }
     tables.view.lamps = data_or_null(tables.lamps);
 }

@@ -21,9 +21,10 @@ enum class Op : uint16_t {
     // What the shading point is. Not foldable.
     Input,              ///< -> x. variant: InputColumn
     ObjectTransform,    ///< vector -> vector by the lane's object or lamp (background: unchanged). variant: TransformKind, | kNotOfLamps
-    CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward
+    CameraTransform,    ///< vector -> vector. variant: TransformKind with the camera in the object's place, +Z forward (panoramas: +X, and +Y
+                        ///< to the left), and kAroundBackground, kAroundLamps
     Affine,             ///< 12 matrix entries, vector -> vector. variant: 0 point, 1 vector, 2 normal (matrix = inverse of the points' map). Foldable
-    Window,             ///< world position -> x, y of the film in 0..1. variant: 1 fisheyes (equidistant, equisolid) are mirrored
+    Window,             ///< world position -> x, y of the film in 0..1. variant: 1 fisheyes (equidistant, equisolid) are mirrored, | kAroundLamps
     Attribute,          ///< u, v -> 4 components, and what a number reads of them. data: attribute id; variant: AttributeSource
     Generated,          ///< u, v, object position -> vector. data: id of "@generated"; variant: 1 curves and points that have none say their world position
     VertexNormal,       ///< u, v -> interpolated unnormalised object-space normal (geometric on flat faces), facing the front side

@@ -31,8 +31,8 @@ struct ShadingSpan {
     Columns3 origin;     ///< of a background: where the rays that see it come from; null: unknown
     Columns3 wo;         ///< towards the viewer ("Incoming"); for a background minus the direction
     float* u = nullptr;  ///< barycentrics: hit = (1-u-v) a + u b + v c, with a b c the triangle's vertices in order; of curves: along the segment, 0..1
-    float* v = nullptr;  ///< of curves: across, -1..1 (the sine of the angle between normal and viewer, seen along the curve)
-    float* ray_length = nullptr;    ///< since the last hit, transparent ones included
+    float* v = nullptr;  ///< of ribbons: across, -1..1 (the sine of the angle between normal and viewer, seen along the curve); of thick curves 0
+    float* ray_length = nullptr;    ///< since the last scattering: transparent surfaces are passed
     float* error = nullptr;         ///< how far p may be off the surface along n_g, m; null: unknown
     float* footprint = nullptr;     ///< radius of the ray's cone at the hit, m: dPdx and dPdy have this length
     int32_t* object = nullptr;      ///< -1: background or lamp

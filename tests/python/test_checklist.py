@@ -18,5 +18,8 @@ def test_scenes_of_an_expression_are_saved(tmp_path: Path) -> None:
     assert b"1 scenes in" in done.stdout, done.stdout.decode() + done.stderr.decode()
     (saved,) = (tmp_path / "new").iterdir()
     assert saved.name == "lights.test_lamps_spots.blend"
-    with bpy.data.libraries.load(str(saved)) as (there, _):
+    with bpy.data.libraries.load(str(saved)) as (there, here):
         assert len(there.lights) == 4
+        here.scenes = there.scenes
+    assert here.scenes[0].render.engine == "CYCLES"
+    bpy.data.scenes.remove(here.scenes[0])

@@ -38,6 +38,7 @@ TALBOT_INLINE void shade_curve(const scene::Placement& object, const scene::Mesh
         // The tracer's ribbon is made of straight pieces; so is the fibre around it, or a ray might start on the wrong side of a piece.
         const float pieces = float(mesh.ribbon_pieces), piece = minf(std::floor(u * pieces), pieces - 1.0f);
         center = lerp(curve_point(curve, piece / pieces), curve_point(curve, (piece + 1.0f) / pieces), u * pieces - piece);
+        out.v[i] = sine;
         outward = across * sine + front * safe_sqrt(1.0f - sine * sine);
     } else {
         // Round ends are round: not only across.

@@ -17,11 +17,22 @@ constexpr int kSurfaces = 256, kLamps = 64;  // met by one ray at most
 /// Rays of up to kSpan paths; columns of their own, because what is pushed may be traced at once with the worker's scratch.
 struct LinkedRays {
     int n = 0;
-    int32_t lane[kSpan], visibility[kSpan], receiver[kSpan], ray_flags[kSpan], bounces[kSpan];
+    int32_t lane[kSpan], visibility[kSpan], receiver[kSpan], ray_flags[kSpan];
+    int32_t bounces[kSpan], diffuse[kSpan], glossy[kSpan], transparent[kSpan], transmission[kSpan];
     float origin[3][kSpan], direction[3][kSpan], time[kSpan];
     float end[kSpan];  ///< how far they look
     Columns3 o() { return {origin[0], origin[1], origin[2]}; }
     Columns3 d() { return {direction[0], direction[1], direction[2]}; }
+};
+
+/// Bounces of some of the rays.
+struct RayDepths {
+    int32_t columns[5][kSpan];
+    light::PathDepths of(const LinkedRays& rays, const int32_t* list, int n) {
+        const int32_t* from[] = {rays.bounces, rays.diffuse, rays.glossy, rays.transparent, rays.transmission};
+        for (int c = 0; c < 5; ++c) gather(from[c], list, n, columns[c]);
+        return {columns[0], columns[1], columns[2], columns[3], columns[4]};
+    }
 };
 
 /// What some of the rays met: radiance, the light samples' density there (0: none), the distance, the mask of the shadow ray, and the light group.
@@ -43,11 +54,17 @@ void gather_rays(const RenderContext& context, Worker& worker, const int32_t* la
     gather3(paths.direction, rays.lane, rays.n, rays.d());
     if (context.scene->has_motion) gather(paths.time, rays.lane, rays.n, rays.time);
     path_receivers(paths, rays.lane, rays.n, rays.receiver);
+    shader::ShadingSpan depths;
+    depths.depth = rays.bounces;
+    depths.diffuse_depth = rays.diffuse;
+    depths.glossy_depth = rays.glossy;
+    depths.transparent_depth = rays.transparent;
+    depths.transmission_depth = rays.transmission;
+    path_depths(paths, rays.lane, rays.n, depths);
     for (int i = 0; i < rays.n; ++i) {
         const int32_t flags = paths.flags[rays.lane[i]];
         rays.visibility[i] = ray_visibility(flags);
         rays.ray_flags[i] = flags & shader::kRayAny;
-        rays.bounces[i] = total_bounces(paths.bounces[rays.lane[i]]);
         rays.end[i] = kInfinity;
     }
 }
@@ -82,7 +99,7 @@ void push_found(const RenderContext& context, Worker& worker, LinkedRays& rays, 
         // Of the path before it was scattered: the total is in the lowest bits.
         queue.bounces[k] = paths.bounces[lane] - 1;
         queue.crossed[k] = paths.vertex[lane] >> 16;
-        queue.passed[k] = paths.mis_t[lane];
+        queue.passed[k] = 0.0f;
         queue.visibility[k] = worker.catcher_pass ? int32_t(scene::kVisibleShadow << scene::kCatcherShift | (uint32_t(found.blockers[j]) & scene::kBlockerBits))
                                                   : found.blockers[j];
     }
@@ -107,7 +124,7 @@ public:
         int n = 0;
         for (int i = 0; i < rays_.n; ++i) {
             passed_[i] = 0.0f;
-            crossed_[i] = paths.vertex[rays_.lane[i]] >> 16;
+            crossed_[i] = rays_.transparent[i];
             list[n++] = i;
         }
         for (int turn = 0; turn < kSurfaces && n > 0; ++turn) {
@@ -132,7 +149,7 @@ private:
 
     TALBOT_MEMBER void push_emitters(const int32_t* list, const int32_t* shader, int n) {
         Found found;
-        int32_t object[kSpan], primitive[kSpan], receiver[kSpan], chosen[kSpan], flags[kSpan], bounces[kSpan];
+        int32_t object[kSpan], primitive[kSpan], receiver[kSpan], chosen[kSpan], flags[kSpan], crossed[kSpan];
         float t[kSpan], u[kSpan], v[kSpan], time[kSpan], origin[3][kSpan], vertex[3][kSpan], direction[3][kSpan];
         int count = 0;
         for (int k = 0; k < n; ++k) {
@@ -153,7 +170,11 @@ private:
         gather(primitive_, found.ray, count, primitive);
         gather(rays_.receiver, found.ray, count, receiver);
         gather(rays_.ray_flags, found.ray, count, flags);
-        gather(rays_.bounces, found.ray, count, bounces);
+        RayDepths columns;
+        light::PathDepths depths = columns.of(rays_, found.ray, count);
+        for (int k = 0; k < count; ++k) ++columns.columns[0][k];  // as where light is asked for, though the ray keeps its kind
+        gather(crossed_, found.ray, count, crossed);
+        depths.transparent = crossed;
         gather(t_, found.ray, count, t);
         gather(u_, found.ray, count, u);
         gather(v_, found.ray, count, v);
@@ -171,9 +192,10 @@ private:
                                        primitive,
                                        chosen,
                                        flags,
-                                       {bounces},
+                                       depths,
                                        moves ? time : nullptr,
-                                       count};
+                                       count,
+                                       found.distance};
         light::shade_emissive(*context_.programs, *context_.shading, worker_.scratch.emitter, hits, found.rgb());
         light::pdf_triangles(*context_.emitters, *context_.scene, {vertex[0], vertex[1], vertex[2]}, found.distance, object, primitive,
                              context_.emitter_summary.has_links ? receiver : nullptr, moves ? time : nullptr, count, found.pdf);
@@ -215,7 +237,7 @@ private:
 
 void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, film::TileFilm& tile) {
     float t_min[kSpan], t[kSpan], end[kSpan], origin[3][kSpan], direction[3][kSpan];
-    int32_t list[kSpan], lamp[kSpan], visibility[kSpan], bounces[kSpan], receiver[kSpan];
+    int32_t list[kSpan], lamp[kSpan], visibility[kSpan], receiver[kSpan];
     const Columns3 o{origin[0], origin[1], origin[2]}, d{direction[0], direction[1], direction[2]};
     int n = rays.n;
     for (int i = 0; i < n; ++i) list[i] = i, t_min[i] = 0.0f;
@@ -240,9 +262,9 @@ void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, 
         gather3(rays.o(), list, n, o);
         gather3(rays.d(), list, n, d);
         gather(rays.receiver, list, n, receiver);
-        gather(rays.bounces, list, n, bounces);
+        RayDepths depths;
         light::shade_lamps(*context.emitters, o, d, lamp, found.distance, n, *context.programs, *context.shading, worker.scratch.emitter, found.rgb(),
-                           found.pdf, {bounces}, context.emitter_summary.has_links ? receiver : nullptr);
+                           found.pdf, depths.of(rays, list, n), context.emitter_summary.has_links ? receiver : nullptr);
         push_found(context, worker, rays, found, n, tile);
     }
 }
@@ -250,7 +272,7 @@ void push_lamps(const RenderContext& context, Worker& worker, LinkedRays& rays, 
 /// Where nothing ends the ray.
 void push_suns(const RenderContext& context, Worker& worker, LinkedRays& rays, film::TileFilm& tile) {
     float own[kSpan], direction[3][kSpan];
-    int32_t visibility[kSpan], bounces[kSpan], receiver[kSpan];
+    int32_t visibility[kSpan], receiver[kSpan];
     for (const int32_t sun : context.emitter_summary.linked_suns) {
         Found found;
         int n = 0;
@@ -263,10 +285,11 @@ void push_suns(const RenderContext& context, Worker& worker, LinkedRays& rays, f
         gather3(rays.d(), found.ray, n, {direction[0], direction[1], direction[2]});
         gather(rays.visibility, found.ray, n, visibility);
         gather(rays.receiver, found.ray, n, receiver);
-        gather(rays.bounces, found.ray, n, bounces);
+        RayDepths depths;
         // Weighted there.
         light::shade_suns(*context.emitters, {direction[0], direction[1], direction[2]}, visibility, own, n, *context.programs, *context.shading,
-                          worker.scratch.emitter, found.rgb(), {bounces}, context.emitter_summary.has_links ? receiver : nullptr, light::Met::Linked, sun);
+                          worker.scratch.emitter, found.rgb(), depths.of(rays, found.ray, n), context.emitter_summary.has_links ? receiver : nullptr,
+                          light::Met::Linked, sun);
         fill(found.pdf, n, 0.0f);
         fill(found.distance, n, kInfinity);
         std::fill_n(found.blockers, n, light::sun_blockers(*context.emitters, sun));

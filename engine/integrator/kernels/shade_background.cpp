@@ -10,17 +10,9 @@ inline namespace TALBOT_ISA {
 
 namespace {
 
-/// Bounces of the paths, in the span's columns.
-light::PathDepths path_depths(const PathColumns& paths, const int32_t* lanes, int n, shader::ShadingSpan& span) {
-    for (int i = 0; i < n; ++i) {
-        const int32_t lane = lanes[i];
-        span.depth[i] = total_bounces(paths.bounces[lane]);
-        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
-        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
-        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
-        span.transparent_depth[i] = paths.vertex[lane] >> 16;
-    }
-    return {span.depth, span.diffuse_depth, span.glossy_depth, span.transparent_depth, span.transmission_depth};
+/// What the lamps' programs ask of the paths; nothing where they have none.
+light::PathDepths depths_of_met(const RenderContext& context, const PathColumns& paths, const int32_t* lanes, int n, shader::ShadingSpan& span) {
+    return context.emitter_summary.has_lamp_programs ? path_depths(paths, lanes, n, span) : light::PathDepths{};
 }
 
 /// Fills the neutral columns of a background span from path lanes.
@@ -102,8 +94,8 @@ void sun_radiance(const RenderContext& context, Worker& worker, const int32_t* l
         s.itmp[i] = ray_visibility(paths.flags[lane]);
         s.pdf[i] = paths.flags[lane] & kPathDelta ? -1.0f : paths.bsdf_pdf[lane];
     }
-    light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, n, *context.programs, *context.shading, s.emitter, rgb, path_depths(paths, lanes, n, s.span),
-                      context.emitter_summary.has_links ? s.receiver : nullptr, light::Met::ByPaths, sun);
+    light::shade_suns(*context.emitters, s.wi, s.itmp, s.pdf, n, *context.programs, *context.shading, s.emitter, rgb,
+                      depths_of_met(context, paths, lanes, n, s.span), context.emitter_summary.has_links ? s.receiver : nullptr, light::Met::ByPaths, sun);
 }
 
 /// A transparent film sees no world, and so nothing of its AOVs either.
@@ -244,7 +236,7 @@ void shade_lamps(const RenderContext& context, Worker& worker, const int32_t* la
             const bool links = context.emitter_summary.has_links;
             if (links) path_receivers(paths, s.list, m, s.receiver);
             light::shade_lamps(*context.emitters, origin, direction, s.chosen, t_min, m, *context.programs, *context.shading, s.emitter, s.rgb, s.slot_pdf,
-                               path_depths(paths, s.list, m, s.span), links ? s.receiver : nullptr);
+                               depths_of_met(context, paths, s.list, m, s.span), links ? s.receiver : nullptr);
             for (int i = 0; i < m; ++i) {
                 const int32_t lane = s.list[i];
                 const float w = (paths.flags[lane] & kPathDelta) || s.slot_pdf[i] <= 0.0f ? 1.0f : power_heuristic(paths.bsdf_pdf[lane], s.slot_pdf[i]);

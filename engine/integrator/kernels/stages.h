@@ -47,6 +47,19 @@ TALBOT_INLINE void mark_matte(const PathColumns& paths, const int32_t* lanes, in
     for (int i = 0; i < n; ++i) matte[i] = (paths.flags[lanes[i]] & kPathCatcherHit) == 0;
 }
 
+/// Bounces of the paths, in the span's columns.
+TALBOT_INLINE light::PathDepths path_depths(const PathColumns& paths, const int32_t* lanes, int n, shader::ShadingSpan& span) {
+    for (int i = 0; i < n; ++i) {
+        const int32_t lane = lanes[i];
+        span.depth[i] = total_bounces(paths.bounces[lane]);
+        span.diffuse_depth[i] = diffuse_bounces(paths.bounces[lane]);
+        span.glossy_depth[i] = glossy_bounces(paths.bounces[lane]);
+        span.transmission_depth[i] = transmission_bounces(paths.bounces[lane]);
+        span.transparent_depth[i] = paths.vertex[lane] >> 16;
+    }
+    return {span.depth, span.diffuse_depth, span.glossy_depth, span.transparent_depth, span.transmission_depth};
+}
+
 /// Plays Russian roulette with the first n lanes of worker.hits (shaders in worker.shader) and frees those that bring nothing more. Returns how many
 /// stay, in their order.
 int end_paths(const RenderContext& context, Worker& worker, int n);

@@ -158,7 +158,7 @@ void apply_mesh_programs(const shader::Programs& programs, const shader::ShaderC
         prepare_span(scratch, count);
         shader::ShadingSpan& s = scratch.span;
         gather3(all.direction, list, count, s.wo);
-        gather(all.distance, list, count, s.ray_length);
+        gather(all.ray_length ? all.ray_length : all.distance, list, count, s.ray_length);
         if (all.time) {
             gather(all.time, list, count, hit_time);
             s.time = hit_time;

@@ -151,6 +151,8 @@ void op_object_value(const Instruction& i, Registers r, int n, const OpScope& s)
     const OfLamps of_lamps = OfLamps(i.data);
     const scene::LampView* lamp = of_lamps == OfLamps::All || (of_lamps == OfLamps::Random && field == ObjectField::Random) ? lamp_of(s) : nullptr;
     if (lamp) return fill(r[0], n, lamp_value(*lamp, field));
+    const bool asks_strands = field == ObjectField::IsCurve || field == ObjectField::IsRibbon || field == ObjectField::IsPoint;
+    if (asks_strands && s.context.scene && !s.context.scene->has_strands) return fill(r[0], n, 0.0f);
     for (int k = 0; k < s.span.n; ++k) {
         const int32_t object = object_of(s, k);
         float x = 0.0f;

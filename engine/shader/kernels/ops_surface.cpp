@@ -186,6 +186,10 @@ void op_shift_barycentrics(Registers r, int n, const OpScope& s) {
 void op_curve_tangent(const Instruction& instruction, Registers r, int n, const OpScope& s) {
     const NoCurve elsewhere = NoCurve(instruction.variant);
     const bool along_edge = elsewhere == NoCurve::FirstEdge || elsewhere == NoCurve::LastEdge;
+    if (elsewhere == NoCurve::Given && s.context.scene && !s.context.scene->has_strands) {
+        for (int c = 0; c < 3; ++c) std::memcpy(r[c], r[3 + c], size_t(n) * sizeof(float));
+        return;
+    }
     for (int k = 0; k < s.span.n; ++k) {
         const scene::MeshView* mesh = mesh_of(s, k);
         Vec3 tangent{};
